@@ -1,0 +1,32 @@
+option(WEFT_BUILD_TESTS "Build the tests" ON)
+option(WEFT_WERROR "Treat warnings as errors" OFF)
+option(WEFT_ASSERTIONS "Keep assert() in optimised builds" OFF)
+option(WEFT_SANITIZE "Build with address and undefined behaviour sanitizers" OFF)
+
+set(CMAKE_CXX_STANDARD 20)
+set(CMAKE_CXX_STANDARD_REQUIRED ON)
+set(CMAKE_CXX_EXTENSIONS OFF)
+set(CMAKE_EXPORT_COMPILE_COMMANDS ON)
+set(CMAKE_RUNTIME_OUTPUT_DIRECTORY ${CMAKE_BINARY_DIR}/bin)
+# Release lets the compiler assume what WEFT_ASSERTIONS checks; -O2, since -O3 buys nothing measurable here.
+set(CMAKE_CXX_FLAGS_RELEASE "-O2 -DNDEBUG")
+set(CMAKE_CXX_FLAGS_RELWITHDEBINFO "-O2 -g1")
+if(NOT WEFT_ASSERTIONS)
+  string(APPEND CMAKE_CXX_FLAGS_RELWITHDEBINFO " -DNDEBUG")
+endif()
+
+# Fused multiply-add rounds once instead of twice: outputs would differ between machines.
+add_compile_options(-ffp-contract=off)
+if(WEFT_SANITIZE)
+  add_compile_options(-fsanitize=address,undefined -fno-sanitize-recover=all -fno-omit-frame-pointer)
+  add_link_options(-fsanitize=address,undefined)
+endif()
+
+find_program(WEFT_CCACHE ccache)
+if(WEFT_CCACHE AND NOT CMAKE_CXX_COMPILER_LAUNCHER)
+  set(CMAKE_CXX_COMPILER_LAUNCHER ${WEFT_CCACHE})
+endif()
+find_program(WEFT_LLD ld.lld)
+if(WEFT_LLD)
+  add_link_options(-fuse-ld=lld)
+endif()

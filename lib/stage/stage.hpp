@@ -1,0 +1,180 @@
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <string>
+#include <type_traits>
+#include <vector>
+
+#include "base/error.hpp"
+#include "weft/header_t.hpp"
+#include "weft/status_t.hpp"
+
+/// What a stage is: typed inputs and outputs by channel, and one function from the inputs of a
+/// frame to its outputs. The runtime (Runner) joins the inputs by frame, answers for the stage when
+/// it cannot answer itself, and keeps the contract: see docs/stage-contract.md.
+namespace weft::stage {
+
+/// Reason codes of status_t. Never renumber.
+enum class Reason : std::int16_t {
+  kNone = 0,
+  kInternalError = 1,   // the stage threw
+  kInvalidInput = 2,    // decodable, but impossible content
+  kUpstreamFailed = 3,  // an input's own status was FAILED, DROPPED or MISSING_INPUT
+  kDeadline = 4,        // an input did not arrive in time
+  kLate = 5,            // dropped by a stage that was behind
+  kTooLarge = 6,        // the answer does not fit a message
+  kSourceError = 7,     // the source could not read this frame
+  kNoGarment = 20,      // the mask is empty
+  kNoTable = 21,        // no table plane was found
+  kNoWords = 22,        // no grid point carries a word
+  kNothingFound = 23,   // searched, nothing above the threshold
+  kNotSearched = 24,    // the image-level prior ruled every part out
+};
+
+/// Impossible content of a message that decoded: the runtime counts it and answers FAILED.
+class InvalidInput : public Error {
+ public:
+  using Error::Error;
+};
+
+/// A message type with its functions erased, so that the runtime is no template. Every message type
+/// has the fields header and status first.
+struct MessageType {
+  std::string name;
+  std::int64_t fingerprint = 0;
+  /// nullptr when the bytes do not decode completely.
+  std::function<std::shared_ptr<void>(const std::uint8_t* data, int size)> decode;
+  std::function<std::vector<std::uint8_t>(const void* message)> encode;
+  std::function<std::shared_ptr<void>()> make;
+  weft::header_t& (*header)(void* message) = nullptr;
+  weft::status_t& (*status)(void* message) = nullptr;
+  /// Large inputs travel as numbered parts; null for types that do not.
+  int (*part_index)(const void* message) = nullptr;
+  int (*part_count)(const void* message) = nullptr;
+  /// Puts the parts, complete and in order, together as one message.
+  std::shared_ptr<void> (*join)(const std::vector<std::shared_ptr<void>>& parts) = nullptr;
+};
+
+template <class Message>
+concept Partitioned = requires(const Message& m) {
+  m.part_index;
+  m.part_count;
+  m.data;
+};
+
+template <class Message>
+MessageType message_type() {
+  MessageType type;
+  type.name = Message::getTypeName();
+  type.fingerprint = static_cast<std::int64_t>(Message::getHash());
+  type.decode = [](const std::uint8_t* data, int size) -> std::shared_ptr<void> {
+    auto message = std::make_shared<Message>();
+    return message->decode(data, 0, size) == size ? message : nullptr;
+  };
+  type.encode = [](const void* message) {
+    const auto& m = *static_cast<const Message*>(message);
+    std::vector<std::uint8_t> bytes(static_cast<std::size_t>(m.getEncodedSize()));
+    if (m.encode(bytes.data(), 0, static_cast<int>(bytes.size())) < 0)
+      throw Error("cannot encode a message");
+    return bytes;
+  };
+  type.make = [] { return std::static_pointer_cast<void>(std::make_shared<Message>()); };
+  type.header = [](void* message) -> weft::header_t& {
+    return static_cast<Message*>(message)->header;
+  };
+  type.status = [](void* message) -> weft::status_t& {
+    return static_cast<Message*>(message)->status;
+  };
+  if constexpr (Partitioned<Message>) {
+    type.part_index = [](const void* m) {
+      return static_cast<int>(static_cast<const Message*>(m)->part_index);
+    };
+    type.part_count = [](const void* m) {
+      return static_cast<int>(static_cast<const Message*>(m)->part_count);
+    };
+    type.join = [](const std::vector<std::shared_ptr<void>>& parts) -> std::shared_ptr<void> {
+      auto whole = std::make_shared<Message>(*std::static_pointer_cast<Message>(parts.front()));
+      for (std::size_t i = 1; i < parts.size(); ++i) {
+        const auto& data = std::static_pointer_cast<Message>(parts[i])->data;
+        whole->data.insert(whole->data.end(), data.begin(), data.end());
+      }
+      whole->part_index = 0;
+      whole->part_count = 1;
+      whole->data_size = static_cast<std::int32_t>(whole->data.size());
+      return whole;
+    };
+  }
+  return type;
+}
+
+struct Port {
+  std::string channel;  // as the stage knows it; a process set may map it to another
+  MessageType type;
+};
+
+template <class Message>
+Port port(std::string channel) {
+  return {std::move(channel), message_type<Message>()};
+}
+
+/// What the runtime must know about a stage before it runs.
+struct Interface {
+  std::string name;           // of the stage; a process set may rename the instance
+  std::vector<Port> inputs;   // all are needed for an answer
+  std::vector<Port> outputs;  // each is answered for each frame
+  std::uint64_t settings_hash = 0;
+  std::uint64_t model_hash = 0;
+  bool stateful = false;  // frames must be processed in order of seq
+};
+
+/// The complete inputs of one frame, by channel as the stage knows it. Their status is OK or
+/// NOTHING.
+class Inputs {
+ public:
+  Inputs(const weft::header_t& header,
+         std::vector<std::pair<const Port*, std::shared_ptr<void>>> messages)
+      : header_(header), messages_(std::move(messages)) {}
+  const weft::header_t& header() const { return header_; }
+  template <class Message>
+  const Message& get(const std::string& channel) const {
+    return *static_cast<const Message*>(
+        find(channel, static_cast<std::int64_t>(Message::getHash())));
+  }
+
+ private:
+  const void* find(const std::string& channel, std::int64_t fingerprint) const;
+  const weft::header_t& header_;
+  std::vector<std::pair<const Port*, std::shared_ptr<void>>> messages_;
+};
+
+/// The answers of one frame: made by the runtime with the frame's header and status OK, filled in
+/// by the stage.
+class Outputs {
+ public:
+  explicit Outputs(std::vector<std::pair<const Port*, std::shared_ptr<void>>> messages)
+      : messages_(std::move(messages)) {}
+  template <class Message>
+  Message& at(const std::string& channel) {
+    return *static_cast<Message*>(find(channel, static_cast<std::int64_t>(Message::getHash())));
+  }
+  /// Sets the status of every output whose status is still OK.
+  void nothing(Reason reason, const std::string& text);
+
+ private:
+  void* find(const std::string& channel, std::int64_t fingerprint);
+  std::vector<std::pair<const Port*, std::shared_ptr<void>>> messages_;
+};
+
+class Stage {
+ public:
+  virtual ~Stage() = default;
+  virtual const Interface& interface() const = 0;
+  /// Answers one frame. A pure function of the inputs (and, when stateful, of those before): no
+  /// clock, no I/O, no unseeded random. Throws InvalidInput for impossible content and Error for
+  /// what it cannot do; the runtime then answers FAILED on every output.
+  virtual void process(const Inputs& inputs, Outputs& outputs) = 0;
+};
+
+}  // namespace weft::stage
