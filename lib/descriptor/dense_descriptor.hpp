@@ -1,0 +1,97 @@
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "base/options.hpp"
+#include "descriptor/sift_options.hpp"
+#include "rgbd/view.hpp"
+
+/// Descriptors of every point of a regular grid over a view.
+namespace weft::descriptor {
+
+struct GridOptions {
+  int step_px = 6;
+  int border_px = 6;
+
+  void visit(OptionVisitor& v) {
+    v.field(
+        "step_px", step_px, {1, 64}, "px",
+        "distance of grid points in the view; garment-parts.txt section 5.1 samples every 6 px");
+    v.field(
+        "border_px", border_px, {0, 256}, "px",
+        "first grid point from the view's left and top edge; 6 gives 105 x 78 points at 640x480");
+  }
+  void validate() const { validate_fields(*this, "GridOptions"); }
+};
+
+/// Grid points stand on whole pixels. All descriptors of a frame share one grid, so that their
+/// words can be combined cell by cell.
+struct Grid {
+  int origin_x = 0;  // view px of the first point
+  int origin_y = 0;
+  int step_px = 6;
+  int columns = 0;
+  int rows = 0;
+
+  int x(int column) const { return origin_x + column * step_px; }
+  int y(int row) const { return origin_y + row * step_px; }
+  std::size_t cells() const {
+    return static_cast<std::size_t>(columns) * static_cast<std::size_t>(rows);
+  }
+};
+
+/// floor((size - 1 - 2 border) / step) + 1 points along each side, none when the view is too small.
+Grid make_grid(int width_px, int height_px, const GridOptions& options);
+
+enum class PointState : std::uint8_t {
+  kOutsideMask,
+  kNothing,  // inside the mask, but nothing to describe: no contrast, a hole in the depth
+  kDescribed,
+};
+
+/// The descriptors of a grid.
+struct DescriptorField {
+  Grid grid;
+  int dimension = 0;
+  std::vector<PointState> state;     // grid.cells(), row-major
+  std::vector<std::int32_t> points;  // cell indices of the described points, ascending
+  std::vector<std::uint8_t> values;  // points.size() * dimension
+};
+
+/// A descriptor of fixed length, 8 bit a value, for grid points inside the mask. Class A: the same
+/// bits on every machine, SIMD path and thread count.
+class DenseDescriptor {
+ public:
+  virtual ~DenseDescriptor() = default;
+  /// "sift", "fpfh", ...
+  virtual const std::string& name() const = 0;
+  virtual int dimension() const = 0;
+  /// images are those of `view`, frame the sensor frame the view was rendered from (descriptors of
+  /// depth need its cloud). threads < 1: one for each core. Throws Error when the images do not fit
+  /// the view.
+  virtual DescriptorField describe(const rgbd::RgbdFrame& frame, const rgbd::View& view,
+                                   const rgbd::ViewImages& images, const Grid& grid,
+                                   int threads) const = 0;
+};
+
+struct DescriptorOptions {
+  enum class Kind { kSift };
+  Kind kind = Kind::kSift;
+  SiftOptions sift;
+
+  void visit(OptionVisitor& v) {
+    v.choice("kind", kind, {{"sift", Kind::kSift}}, "which descriptor");
+    v.group("sift", sift);
+  }
+  void validate() const {
+    validate_fields(*this, "DescriptorOptions");
+    sift.validate();
+  }
+};
+
+std::unique_ptr<DenseDescriptor> make_descriptor(const DescriptorOptions& options);
+
+}  // namespace weft::descriptor

@@ -1,0 +1,106 @@
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "bovw/histogram.hpp"
+#include "bovw/word_grid.hpp"
+
+/// First layer of the detector (garment-parts.txt section 3.2): logistic regression over every
+/// window of a frame's word grids, by the efficient histogram-based sliding window (Wei and Tao
+/// 2010). Weights are fixed point, so that the incremental sums are exact.
+namespace weft::detector {
+
+/// How a block of word counts h becomes the classifier's input.
+enum class HistogramNorm {
+  kSqrtL2,  // sqrt(h) divided by its L2 norm, which is sqrt(sum h)
+  kL1,      // h / sum h
+  kRaw,     // h
+};
+
+struct WindowShape {
+  double width_px = 0.0;  // view px
+  double height_px = 0.0;
+};
+
+/// One descriptor's histogram within the classifier's input. Blocks are normalised one by one and
+/// concatenated.
+struct HistogramBlock {
+  std::string descriptor;
+  std::uint64_t vocabulary_hash = 0;
+  int words = 0;
+};
+
+/// Logistic regression of one part.
+struct PartClassifier {
+  std::string part;
+  std::vector<std::vector<std::int32_t>> weights;  // a block, a word; units of 2^-kWeightBits
+  double bias = 0.0;
+  std::vector<WindowShape> shapes;  // of the sliding windows
+};
+
+constexpr int kWeightBits = 16;
+constexpr std::int32_t kMaxWeight = 1 << 26;  // 1024 before scaling
+
+/// round(weight * 2^kWeightBits); throws Error when one is not finite or beyond kMaxWeight.
+std::vector<std::int32_t> quantise_weights(std::span<const double> weights);
+
+struct ScoreModel {
+  HistogramNorm norm = HistogramNorm::kSqrtL2;
+  std::vector<HistogramBlock> blocks;
+  std::vector<PartClassifier> parts;
+  int min_words = 4;       // windows with fewer words, all blocks together, are dropped
+  std::uint64_t hash = 0;  // set by read()
+
+  /// Throws Error naming `where` on sizes that do not agree or values out of range.
+  void validate(const std::string& where) const;
+  static ScoreModel read(const std::string& path);
+  void write(const std::string& path) const;
+};
+
+/// Score of one window: sum over blocks of w . x, plus the bias. counts: one histogram a block. The
+/// definition that the sliding window reproduces bit for bit. NaN when the window has fewer than
+/// min_words words.
+double window_score(const ScoreModel& model, int part,
+                    std::span<const std::vector<std::int32_t>> counts);
+
+/// Throws Error when the grids do not agree with the model's blocks or with each other in geometry.
+void check_grids(const ScoreModel& model, std::span<const bovw::WordGrid* const> grids);
+
+/// Scores of all windows of one shape whose centre cell, first + size / 2 rounded down, lies in the
+/// bounds of the mask. Windows may overhang the grid.
+struct WindowScores {
+  int window_columns = 0;  // size of the window in grid points
+  int window_rows = 0;
+  bovw::CellBox positions;     // of the windows' first cells
+  std::vector<double> scores;  // positions.columns * positions.rows, row-major; NaN: dropped
+};
+
+/// The word grids of one frame, laid out for sliding windows.
+class WindowScorer {
+ public:
+  /// model and grids must outlive the scorer. One grid a block of the model.
+  WindowScorer(const ScoreModel& model, std::span<const bovw::WordGrid* const> grids);
+
+  /// May be called from several threads at once. The time does not depend on the vocabulary size
+  /// but for clearing one histogram.
+  WindowScores score(int part, const WindowShape& shape) const;
+
+  const ScoreModel& model() const { return model_; }
+  const bovw::WordGrid& grid() const { return *grids_.front(); }
+
+ private:
+  // A block's words, padded with "no word" so that windows may overhang.
+  struct Layout {
+    std::vector<std::uint16_t> by_row, by_column;
+    std::vector<std::int32_t> count_integral;
+  };
+  const ScoreModel& model_;
+  std::vector<const bovw::WordGrid*> grids_;
+  bovw::CellBox bounds_;
+  std::vector<Layout> layouts_;
+};
+
+}  // namespace weft::detector
