@@ -1,5 +1,7 @@
 #pragma once
 
+#include <algorithm>
+#include <cstddef>
 #include <cstdint>
 #include <functional>
 #include <memory>
@@ -15,6 +17,11 @@
 /// frame to its outputs. The runtime (Runner) joins the inputs by frame, answers for the stage when
 /// it cannot answer itself, and keeps the contract: see docs/stage-contract.md.
 namespace weft::stage {
+
+/// No message is larger: more does not fit a stock kernel's socket buffer (212,992 bytes).
+constexpr std::size_t kMaxMessageBytes = 160'000;
+/// Of one frame; 40 MB.
+constexpr int kMaxParts = 256;
 
 /// Reason codes of status_t. Never renumber.
 enum class Reason : std::int16_t {
@@ -55,6 +62,8 @@ struct MessageType {
   int (*part_count)(const void* message) = nullptr;
   /// Puts the parts, complete and in order, together as one message.
   std::shared_ptr<void> (*join)(const std::vector<std::shared_ptr<void>>& parts) = nullptr;
+  /// Cuts a message into parts that encode to at most max_bytes each.
+  std::vector<std::shared_ptr<void>> (*split)(const void* message, std::size_t max_bytes) = nullptr;
 };
 
 template <class Message>
@@ -104,6 +113,26 @@ MessageType message_type() {
       whole->part_count = 1;
       whole->data_size = static_cast<std::int32_t>(whole->data.size());
       return whole;
+    };
+    type.split = [](const void* message, std::size_t max_bytes) {
+      const auto& whole = *static_cast<const Message*>(message);
+      Message part = whole;
+      part.data.clear();
+      part.data_size = 0;
+      const auto overhead = static_cast<std::size_t>(part.getEncodedSize());
+      if (overhead >= max_bytes) throw Error("a message does not fit even without its data");
+      const std::size_t step = max_bytes - overhead;
+      const std::size_t size = whole.data.size();
+      part.part_count = static_cast<std::int32_t>(size == 0 ? 1 : (size + step - 1) / step);
+      std::vector<std::shared_ptr<void>> parts;
+      for (std::size_t begin = 0; begin == 0 || begin < size; begin += step) {
+        const auto first = whole.data.begin() + static_cast<std::ptrdiff_t>(begin);
+        part.part_index = static_cast<std::int32_t>(parts.size());
+        part.data.assign(first, first + static_cast<std::ptrdiff_t>(std::min(step, size - begin)));
+        part.data_size = static_cast<std::int32_t>(part.data.size());
+        parts.push_back(std::make_shared<Message>(part));
+      }
+      return parts;
     };
   }
   return type;
