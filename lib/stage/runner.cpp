@@ -8,7 +8,6 @@ namespace {
 
 using weft::status_t;
 
-constexpr std::size_t kMaxName = 128;  // characters of camera and coordinate frame
 constexpr std::int64_t kMaxSeq = std::int64_t{1} << 53;
 constexpr std::size_t kMaxStreams = 256;
 constexpr std::size_t kMaxReceivedBytes = 16u << 20;
@@ -38,11 +37,12 @@ const char* code_name(int code) {
 
 /// What makes a header no name of a frame; empty when it is one.
 std::string header_fault(const weft::header_t& header) {
-  if (header.camera.empty() || header.camera.size() > kMaxName)
+  if (header.camera.empty() || header.camera.size() > kMaxNameLength)
     return "the camera's name has " + std::to_string(header.camera.size()) +
-           " characters, not 1 to " + std::to_string(kMaxName);
-  if (header.coordinate_frame.size() > kMaxName)
-    return "the coordinate frame's name has more than " + std::to_string(kMaxName) + " characters";
+           " characters, not 1 to " + std::to_string(kMaxNameLength);
+  if (header.coordinate_frame.size() > kMaxNameLength)
+    return "the coordinate frame's name has more than " + std::to_string(kMaxNameLength) +
+           " characters";
   if (header.seq < 0 || header.seq > kMaxSeq)
     return "seq " + std::to_string(header.seq) + " is out of range";
   return {};

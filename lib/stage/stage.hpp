@@ -22,6 +22,8 @@ namespace weft::stage {
 constexpr std::size_t kMaxMessageBytes = 160'000;
 /// Of one frame; 40 MB.
 constexpr int kMaxParts = 256;
+/// Characters of a camera's or a coordinate frame's name.
+constexpr std::size_t kMaxNameLength = 128;
 
 /// Reason codes of status_t. Never renumber.
 enum class Reason : std::int16_t {

@@ -1,0 +1,140 @@
+#include "stage/host.hpp"
+
+#include <atomic>
+#include <condition_variable>
+#include <lcm/lcm-cpp.hpp>
+#include <mutex>
+#include <thread>
+
+#include "stage/clock.hpp"
+#include "stage/telemetry.hpp"
+#include "weft/stage_status_t.hpp"
+
+namespace weft::stage {
+namespace {
+// How long the receive thread may wait for a message before it looks at deadlines and repeats.
+constexpr int kReceiveWait_ms = 10;
+}  // namespace
+
+class Host::Impl {
+ public:
+  Impl(Stage& stage, HostOptions options)
+      : runner_(stage, options.runner),
+        identity_(make_identity(stage.interface(), options.name, options.runner.channels)),
+        lcm_(connect(options.url)) {
+    publish_status(weft::stage_status_t::STARTING);
+    for (const std::string& channel : runner_.channels()) {
+      auto* subscription = lcm_->subscribe(channel_regex(channel), &Impl::on_message, this);
+      if (!subscription) throw Error("cannot subscribe to channel " + channel);
+      // LCM would drop the newest message when 30 wait; the runner's own bounds answer for a frame.
+      subscription->setQueueCapacity(0);
+    }
+  }
+
+  void run() {
+    std::jthread receiver([this](const std::stop_token& stop) { receive(stop); });
+    std::jthread worker([this](const std::stop_token& stop) { work(stop); });
+    run_until_stopped(stop_.get_token(), [this] { publish_status(weft::stage_status_t::RUNNING); });
+    worker.request_stop();
+    worker.join();
+    receiver.request_stop();
+    receiver.join();
+    publish_status(weft::stage_status_t::STOPPING);
+  }
+
+  void request_stop() { stop_.request_stop(); }
+
+ private:
+  void on_message(const lcm::ReceiveBuffer* buffer, const std::string& channel) {
+    {
+      const std::lock_guard lock(mutex_);
+      runner_.receive(channel, static_cast<const std::uint8_t*>(buffer->data), buffer->data_size,
+                      now_us());
+    }
+    wake_.notify_one();
+    publish();
+  }
+
+  void receive(const std::stop_token& stop) {
+    while (!stop.stop_requested()) {
+      if (lcm_->handleTimeout(kReceiveWait_ms) < 0) {
+        {
+          const std::lock_guard lock(mutex_);
+          transport_error_ = "LCM cannot receive";
+        }
+        std::this_thread::sleep_for(std::chrono::milliseconds(kReceiveWait_ms));
+      }
+      {
+        const std::lock_guard lock(mutex_);
+        runner_.advance(now_us());
+      }
+      wake_.notify_one();  // a deadline may have made a frame ready
+      publish();
+    }
+  }
+
+  void work(const std::stop_token& stop) {
+    std::unique_lock lock(mutex_);
+    while (!stop.stop_requested()) {
+      auto job = runner_.start(now_us());
+      if (!job) {
+        wake_.wait_for(lock, std::chrono::milliseconds(100));
+        continue;
+      }
+      lock.unlock();
+      const std::int64_t cpu_before = process_cpu_us();
+      job->run();
+      const std::int64_t cpu_us = process_cpu_us() - cpu_before;
+      lock.lock();
+      runner_.finish(std::move(job), now_us(), cpu_us);
+      lock.unlock();
+      publish();
+      lock.lock();
+    }
+  }
+
+  void publish() {
+    std::vector<Outgoing> outgoing;
+    {
+      const std::lock_guard lock(mutex_);
+      outgoing = runner_.take_outgoing();
+    }
+    for (const auto& [answer, repeat] : outgoing) {
+      for (const Publication& message : answer->messages) send(message.channel, message.bytes);
+      if (!repeat) send(kTimingChannel, timing_message(identity_, *answer, now_us()));
+    }
+  }
+
+  void send(const std::string& channel, const std::vector<std::uint8_t>& bytes) {
+    if (lcm_->publish(channel, bytes.data(), static_cast<unsigned>(bytes.size())) == 0) return;
+    const std::lock_guard lock(mutex_);
+    transport_error_ = "LCM cannot send on " + channel;
+  }
+
+  void publish_status(std::int8_t state) {
+    Counters counters;
+    {
+      const std::lock_guard lock(mutex_);
+      counters = runner_.counters();
+      if (!transport_error_.empty()) counters.last_error = transport_error_;
+    }
+    send(kStatusChannel, status_message(identity_, counters, state, status_seq_++));
+  }
+
+  std::mutex mutex_;  // guards runner_ and transport_error_
+  std::condition_variable wake_;
+  Runner runner_;
+  std::string transport_error_;
+  const Identity identity_;
+  std::int64_t status_seq_ = 0;
+  std::stop_source stop_;
+  std::unique_ptr<lcm::LCM> lcm_;
+};
+
+Host::Host(Stage& stage, HostOptions options)
+    : impl_(std::make_unique<Impl>(stage, std::move(options))) {}
+Host::~Host() = default;
+void Host::run() { impl_->run(); }
+void Host::request_stop() { impl_->request_stop(); }
+
+}  // namespace weft::stage
