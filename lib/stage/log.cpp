@@ -1,0 +1,163 @@
+#include "stage/log.hpp"
+
+#include <sys/stat.h>
+
+#include <array>
+#include <cerrno>
+#include <cstring>
+
+#include "base/error.hpp"
+
+namespace weft::stage {
+namespace {
+
+// An event: sync word, number (8), timestamp (8), channel length (4), data length (4), channel,
+// data; all big-endian.
+constexpr std::uint32_t kSync = 0xEDA1DA01u;
+constexpr std::int64_t kHeaderBytes = 28;
+constexpr std::size_t kMaxChannel = 63;
+
+std::uint64_t big_endian(const std::uint8_t* from, int bytes) {
+  std::uint64_t value = 0;
+  for (int i = 0; i < bytes; ++i) value = value << 8 | from[i];
+  return value;
+}
+
+void put(std::vector<std::uint8_t>& to, std::uint64_t value, int bytes) {
+  for (int i = bytes - 1; i >= 0; --i) to.push_back(static_cast<std::uint8_t>(value >> (8 * i)));
+}
+
+std::string reason() { return std::strerror(errno); }
+
+}  // namespace
+
+struct LogReader::Header {
+  std::int64_t number = 0;
+  std::int64_t timestamp_us = 0;
+  std::int64_t data_bytes = 0;
+  std::string channel;
+  std::int64_t end = 0;  // offset of the event after this one; may lie beyond the end of the file
+};
+
+LogReader::LogReader(const std::string& path)
+    : path_(path), file_(std::fopen(path.c_str(), "rb"), &std::fclose) {
+  struct stat info {};
+  if (!file_ || fstat(fileno(file_.get()), &info) != 0)
+    throw Error(path + ": cannot open the log: " + reason());
+  if (!S_ISREG(info.st_mode)) throw Error(path + ": is not a file");
+  size_ = info.st_size;
+  std::int64_t first = 0;
+  if (size_ > 0 && !find_sync(0, first)) throw Error(path + ": holds no LCM event; is it a log?");
+}
+
+void LogReader::rewind() {
+  offset_ = 0;
+  damage_.clear();
+}
+
+bool LogReader::read_at(std::int64_t offset, void* to, std::size_t size) {
+  // Seeking throws the buffer away, so not when reading on.
+  if (ftello(file_.get()) != offset && fseeko(file_.get(), offset, SEEK_SET) != 0) return false;
+  return std::fread(to, 1, size, file_.get()) == size;
+}
+
+bool LogReader::read_header(std::int64_t offset, Header& header) {
+  std::array<std::uint8_t, kHeaderBytes> raw{};
+  if (offset + kHeaderBytes > size_ || !read_at(offset, raw.data(), raw.size())) return false;
+  const auto channel_bytes = big_endian(&raw[20], 4);
+  if (big_endian(&raw[0], 4) != kSync || channel_bytes < 1 || channel_bytes > kMaxChannel ||
+      raw[24] >= 0x80)
+    return false;
+  header.number = static_cast<std::int64_t>(big_endian(&raw[4], 8));
+  header.timestamp_us = static_cast<std::int64_t>(big_endian(&raw[12], 8));
+  header.data_bytes = static_cast<std::int64_t>(big_endian(&raw[24], 4));
+  header.end = offset + kHeaderBytes + static_cast<std::int64_t>(channel_bytes) + header.data_bytes;
+  header.channel.resize(channel_bytes);
+  if (!read_at(offset + kHeaderBytes, header.channel.data(), channel_bytes)) return false;
+  for (const char c : header.channel)
+    if (c < ' ' || c > '~') return false;
+  return true;
+}
+
+bool LogReader::find_sync(std::int64_t from, std::int64_t& found) {
+  std::array<std::uint8_t, 1 << 16> chunk{};
+  std::uint32_t window = 0;
+  std::int64_t offset = from;
+  while (offset < size_) {
+    const auto count =
+        static_cast<std::size_t>(std::min<std::int64_t>(chunk.size(), size_ - offset));
+    if (!read_at(offset, chunk.data(), count)) return false;
+    for (std::size_t i = 0; i < count; ++i) {
+      window = window << 8 | chunk[i];
+      const std::int64_t begin = offset + static_cast<std::int64_t>(i) - 3;
+      Header header;
+      if (window == kSync && begin >= from && read_header(begin, header) && header.end <= size_) {
+        found = begin;
+        return true;
+      }
+    }
+    offset += static_cast<std::int64_t>(count);
+  }
+  return false;
+}
+
+bool LogReader::next(LogEvent& event) {
+  while (offset_ < size_) {
+    Header header;
+    const bool sound = read_header(offset_, header);
+    if (sound && header.end <= size_) {
+      event.number = header.number;
+      event.timestamp_us = header.timestamp_us;
+      event.data.resize(static_cast<std::size_t>(header.data_bytes));
+      if (!read_at(header.end - header.data_bytes, event.data.data(), event.data.size()))
+        throw Error(path_ + ": cannot read at byte " + std::to_string(offset_) + ": " + reason());
+      event.channel = std::move(header.channel);
+      offset_ = header.end;
+      return true;
+    }
+    std::int64_t resume = size_;
+    const bool resumed = find_sync(offset_ + 1, resume);
+    damage_.push_back({offset_, resume - offset_,
+                       resumed ? (sound ? "an event longer than the rest of the file"
+                                        : "bad sync word or event header")
+                               : (sound ? "the last event is cut off"
+                                        : "the end of the file holds no whole event")});
+    offset_ = resume;
+  }
+  return false;
+}
+
+LogWriter::LogWriter(const std::string& path) : path_(path), file_(std::fopen(path.c_str(), "wb")) {
+  if (!file_) throw Error(path + ": cannot write the log: " + reason());
+}
+
+LogWriter::~LogWriter() {
+  if (file_) std::fclose(file_);
+}
+
+void LogWriter::write(std::int64_t timestamp_us, const std::string& channel, const void* data,
+                      std::size_t size) {
+  if (!file_) throw Error(path_ + ": the log is closed");
+  if (channel.empty() || channel.size() > kMaxChannel)
+    throw Error(path_ + ": the channel name '" + channel + "' must have 1 to 63 characters");
+  if (size > 0x7fffffffu) throw Error(path_ + ": an event of more than 2 GB");
+  std::vector<std::uint8_t> head;
+  put(head, kSync, 4);
+  put(head, static_cast<std::uint64_t>(number_++), 8);
+  put(head, static_cast<std::uint64_t>(timestamp_us), 8);
+  put(head, channel.size(), 4);
+  put(head, size, 4);
+  head.insert(head.end(), channel.begin(), channel.end());
+  if (std::fwrite(head.data(), 1, head.size(), file_) != head.size() ||
+      std::fwrite(data, 1, size, file_) != size)
+    throw Error(path_ + ": cannot write: " + reason());
+}
+
+void LogWriter::close() {
+  if (!file_) return;
+  std::FILE* file = file_;
+  file_ = nullptr;
+  if (std::fclose(file) != 0) throw Error(path_ + ": cannot write: " + reason());
+}
+
+}  // namespace weft::stage

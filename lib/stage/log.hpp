@@ -1,0 +1,76 @@
+#pragma once
+
+#include <cstdint>
+#include <cstdio>
+#include <memory>
+#include <string>
+#include <vector>
+
+/// Reading and writing LCM logs. LCM's own reader stops at a bad sync word as if the file ended
+/// there, and allocates what a damaged length says; this one goes on and reports.
+namespace weft::stage {
+
+struct LogEvent {
+  std::int64_t number = 0;  // as in the file
+  std::int64_t timestamp_us = 0;
+  std::string channel;
+  std::vector<std::uint8_t> data;
+};
+
+class LogReader {
+ public:
+  struct Damage {
+    std::int64_t offset = 0;  // where it begins in the file
+    std::int64_t bytes = 0;   // how much was skipped
+    std::string what;
+  };
+
+  /// Throws Error when the file cannot be read or is no LCM log. An empty file is a log without
+  /// events.
+  explicit LogReader(const std::string& path);
+  /// The next whole event; false at the end of the file. Skips what is damaged and notes it.
+  bool next(LogEvent& event);
+  void rewind();
+  const std::vector<Damage>& damage() const { return damage_; }
+  std::int64_t offset() const { return offset_; }  // of the next event; with size(): progress
+  std::int64_t size() const { return size_; }
+
+ private:
+  struct Header;
+  bool read_header(std::int64_t offset, Header& header);
+  bool find_sync(std::int64_t from, std::int64_t& found);
+  bool read_at(std::int64_t offset, void* to, std::size_t size);
+
+  std::string path_;
+  std::unique_ptr<std::FILE, int (*)(std::FILE*)> file_;
+  std::int64_t offset_ = 0;
+  std::int64_t size_ = 0;
+  std::vector<Damage> damage_;
+};
+
+/// Writes the same bytes for the same events: timestamps are the caller's and events are numbered
+/// from 0.
+class LogWriter {
+ public:
+  /// Replaces the file. Throws Error when it cannot be written.
+  explicit LogWriter(const std::string& path);
+  ~LogWriter();
+  LogWriter(const LogWriter&) = delete;
+  LogWriter& operator=(const LogWriter&) = delete;
+  /// Throws Error on a full disk, or a channel name without 1 to 63 characters.
+  void write(std::int64_t timestamp_us, const std::string& channel, const void* data,
+             std::size_t size);
+  void write(std::int64_t timestamp_us, const std::string& channel,
+             const std::vector<std::uint8_t>& data) {
+    write(timestamp_us, channel, data.data(), data.size());
+  }
+  /// Throws Error when the last bytes cannot be written; the destructor would say nothing.
+  void close();
+
+ private:
+  std::string path_;
+  std::FILE* file_ = nullptr;
+  std::int64_t number_ = 0;
+};
+
+}  // namespace weft::stage
