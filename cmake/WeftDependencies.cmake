@@ -10,6 +10,14 @@ find_package(OpenCV REQUIRED COMPONENTS core imgproc imgcodecs)
 if(WEFT_BUILD_TESTS)
   find_package(GTest REQUIRED)
   find_package(benchmark REQUIRED)
+  # Peer of the dense SIFT in tests and benchmarks; without it those are skipped by name.
+  find_path(VLFEAT_INCLUDE_DIR vl/dsift.h)
+  find_library(VLFEAT_LIBRARY vl)
+  if(VLFEAT_INCLUDE_DIR AND VLFEAT_LIBRARY)
+    add_library(vlfeat::vlfeat UNKNOWN IMPORTED)
+    set_target_properties(vlfeat::vlfeat PROPERTIES IMPORTED_LOCATION ${VLFEAT_LIBRARY}
+                                                    INTERFACE_INCLUDE_DIRECTORIES ${VLFEAT_INCLUDE_DIR})
+  endif()
 endif()
 
 # Debian's LCM ships neither a CMake package nor a usable pkg-config file without glib's.

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "base/options.hpp"
+#include "bovw/nearest.hpp"
 
 namespace weft::bovw {
 
@@ -36,6 +37,7 @@ class Vocabulary {
               int threads = 1) const;
 
  private:
+  Nearest check() const;
   std::string descriptor_;
   int dimension_;
   int words_;
@@ -43,6 +45,7 @@ class Vocabulary {
   std::uint64_t settings_hash_;
   std::string settings_yaml_;
   std::uint64_t hash_;
+  Nearest nearest_;
 };
 
 struct KMeansOptions {

@@ -1,19 +1,14 @@
 #pragma once
 
+#include "base/simd.hpp"
 #include "descriptor/dense_descriptor.hpp"
 
 namespace weft::descriptor {
 
-/// Which code computes; the bits are the same. kAuto takes the widest the processor has.
-enum class SimdPath { kAuto, kBaseline, kAvx2 };
-
-/// Whether this build and this processor have the path.
-bool simd_path_available(SimdPath path);
-
-/// Dense SIFT (facts of VLFeat's vl_dsift): gradients by central half differences, linear votes
-/// into 2 of 8 orientations, triangle of half-width bin_px around each of 4 x 4 bin centres times a
-/// Gaussian weight, L2 -> clamp at 0.2 -> L2. Value t + 8 (x + 4 y), orientation t, bin column x
-/// and row y, is min(255, round(512 v)).
+/// Dense SIFT with the geometry of VLFeat's vl_dsift: gradients by central half differences, linear
+/// votes into 2 of 8 orientations, triangle of half-width bin_px around each of 4 x 4 bin centres
+/// times a Gaussian weight, L2 -> clamp at 0.2 -> L2. Value t + 8 (x + 4 y), orientation t, bin
+/// column x and row y, is min(255, round(512 v)).
 ///
 /// The frame's centre is the grid point; with an odd bin_px, half a pixel right of and below it.
 /// Samples beyond the image repeat its edge. Only `images.colour` and `images.mask` are used.

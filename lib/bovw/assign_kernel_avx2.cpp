@@ -1,0 +1,2 @@
+#define WEFT_KERNEL kAssignAvx2
+#include "bovw/assign_kernel.inc"

@@ -1,0 +1,2 @@
+#define WEFT_KERNEL kAssignBaseline
+#include "bovw/assign_kernel.inc"

@@ -1,0 +1,22 @@
+#include "descriptor/dense_descriptor.hpp"
+
+#include "descriptor/sift.hpp"
+
+namespace weft::descriptor {
+
+Grid make_grid(int width_px, int height_px, const GridOptions& options) {
+  options.validate();
+  const auto points = [&](int size) {
+    const int span = size - 1 - 2 * options.border_px;
+    return span < 0 ? 0 : span / options.step_px + 1;
+  };
+  return {options.border_px, options.border_px, options.step_px, points(width_px),
+          points(height_px)};
+}
+
+std::unique_ptr<DenseDescriptor> make_descriptor(const DescriptorOptions& options) {
+  options.validate();
+  return std::make_unique<SiftDescriptor>(options.sift);
+}
+
+}  // namespace weft::descriptor

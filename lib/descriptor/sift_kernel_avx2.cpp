@@ -1,0 +1,2 @@
+#define WEFT_KERNEL kSiftAvx2
+#include "descriptor/sift_kernel.inc"

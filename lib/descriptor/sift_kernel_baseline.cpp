@@ -1,0 +1,2 @@
+#define WEFT_KERNEL kSiftBaseline
+#include "descriptor/sift_kernel.inc"
