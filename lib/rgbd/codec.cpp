@@ -1,0 +1,128 @@
+#include "rgbd/codec.hpp"
+
+#include <cstring>
+#include <opencv2/imgcodecs.hpp>
+
+#include "base/error.hpp"
+
+namespace weft::rgbd {
+namespace {
+
+std::uint32_t big_endian(const std::uint8_t* at, int bytes) {
+  std::uint32_t value = 0;
+  for (int i = 0; i < bytes; ++i) value = value << 8 | at[i];
+  return value;
+}
+
+void check_size(std::uint32_t width, std::uint32_t height, int want_width, int want_height,
+                const std::string& where) {
+  if (width != static_cast<std::uint32_t>(want_width) ||
+      height != static_cast<std::uint32_t>(want_height))
+    throw Error(where + ": the image is " + std::to_string(width) + "x" + std::to_string(height) +
+                " px, not " + std::to_string(want_width) + "x" + std::to_string(want_height));
+}
+
+/// Walks over the segments up to the frame header, which holds the size.
+void check_jpeg(const std::uint8_t* data, std::size_t size, int width, int height,
+                const std::string& where) {
+  const auto fail = [&](const char* what) { throw Error(where + ": not a usable JPEG: " + what); };
+  if (size < 4 || data[0] != 0xff || data[1] != 0xd8) fail("it does not start as one");
+  if (data[size - 2] != 0xff || data[size - 1] != 0xd9) fail("its end is missing");
+  for (std::size_t at = 2;;) {
+    if (at + 4 > size || data[at] != 0xff) fail("damaged segments");
+    const std::uint8_t marker = data[at + 1];
+    const std::size_t length = big_endian(data + at + 2, 2);
+    if (length < 2 || at + 2 + length > size) fail("damaged segments");
+    if (marker >= 0xc0 && marker <= 0xc2) {
+      if (length < 8 || data[at + 4] != 8 || data[at + 9] != 3) fail("not 3 colours of 8 bits");
+      check_size(big_endian(data + at + 7, 2), big_endian(data + at + 5, 2), width, height, where);
+      return;
+    }
+    if (marker == 0xda || marker == 0xd9 || (marker > 0xc2 && marker < 0xd0 && marker != 0xc4))
+      fail("no baseline or progressive frame");
+    at += 2 + length;
+  }
+}
+
+void check_png(const std::uint8_t* data, std::size_t size, PngKind kind, int width, int height,
+               const std::string& where) {
+  if (size < 33 || std::memcmp(data, "\x89PNG\r\n\x1a\n\0\0\0\rIHDR", 16) != 0)
+    throw Error(where + ": not a PNG");
+  check_size(big_endian(data + 16, 4), big_endian(data + 20, 4), width, height, where);
+  const int bits = data[24], colour_type = data[25];
+  const bool good = kind == PngKind::kColour  ? bits == 8 && colour_type == 2
+                    : kind == PngKind::kDepth ? bits == 16 && colour_type == 0
+                                              : (bits == 1 || bits == 8) && colour_type == 0;
+  if (!good)
+    throw Error(where + ": a PNG of colour type " + std::to_string(colour_type) + " with " +
+                std::to_string(bits) + " bits is not what was expected here");
+}
+
+cv::Mat decode(const std::uint8_t* data, std::size_t size, int flags, int type, int width,
+               int height, const std::string& where) {
+  cv::Mat image;
+  try {
+    // OpenCV only reads from the matrix.
+    const cv::Mat bytes(1, static_cast<int>(size), CV_8UC1, const_cast<std::uint8_t*>(data));
+    image = cv::imdecode(bytes, flags);
+  } catch (const cv::Exception& e) {
+    throw Error(where + ": the image does not decode: " + e.what());
+  }
+  if (image.type() != type || image.cols != width || image.rows != height)
+    throw Error(where + ": the image does not decode; damaged or truncated");
+  return image;
+}
+
+std::vector<std::uint8_t> encode(const char* extension, const cv::Mat& image, int type,
+                                 const std::vector<int>& parameters) {
+  if (image.empty() || image.type() != type)
+    throw Error(std::string("cannot encode an image of type ") + std::to_string(image.type()) +
+                " and size " + std::to_string(image.cols) + "x" + std::to_string(image.rows) +
+                " as " + extension);
+  std::vector<std::uint8_t> bytes;
+  if (!cv::imencode(extension, image, bytes, parameters))
+    throw Error(std::string("cannot encode as ") + extension);
+  return bytes;
+}
+
+}  // namespace
+
+std::vector<std::uint8_t> encode_colour_jpeg(const cv::Mat& colour, int quality) {
+  return encode(".jpg", colour, CV_8UC3, {cv::IMWRITE_JPEG_QUALITY, quality});
+}
+
+cv::Mat decode_colour_jpeg(const std::uint8_t* data, std::size_t size, int width, int height,
+                           const std::string& where) {
+  check_jpeg(data, size, width, height, where);
+  return decode(data, size, cv::IMREAD_COLOR | cv::IMREAD_IGNORE_ORIENTATION, CV_8UC3, width,
+                height, where);
+}
+
+std::vector<std::uint8_t> encode_png(const cv::Mat& image, PngKind kind) {
+  const int type = kind == PngKind::kColour  ? CV_8UC3
+                   : kind == PngKind::kDepth ? CV_16UC1
+                                             : CV_8UC1;
+  std::vector<int> parameters = {cv::IMWRITE_PNG_COMPRESSION, 6};
+  if (kind == PngKind::kMask) parameters.insert(parameters.end(), {cv::IMWRITE_PNG_BILEVEL, 1});
+  return encode(".png", image, type, parameters);
+}
+
+cv::Mat decode_png(const std::uint8_t* data, std::size_t size, PngKind kind, int width, int height,
+                   const std::string& where) {
+  check_png(data, size, kind, width, height, where);
+  if (kind == PngKind::kColour)
+    return decode(data, size, cv::IMREAD_COLOR | cv::IMREAD_IGNORE_ORIENTATION, CV_8UC3, width,
+                  height, where);
+  if (kind == PngKind::kDepth)
+    return decode(data, size, cv::IMREAD_UNCHANGED, CV_16UC1, width, height, where);
+  cv::Mat mask = decode(data, size, cv::IMREAD_GRAYSCALE, CV_8UC1, width, height, where);
+  for (int v = 0; v < mask.rows; ++v)
+    for (int u = 0; u < mask.cols; ++u)
+      if (mask.at<std::uint8_t>(v, u) != 0 && mask.at<std::uint8_t>(v, u) != 255)
+        throw Error(where + ": the mask holds the value " +
+                    std::to_string(mask.at<std::uint8_t>(v, u)) + " at (" + std::to_string(u) +
+                    ", " + std::to_string(v) + "); only 0 and 255 are meaningful");
+  return mask;
+}
+
+}  // namespace weft::rgbd
