@@ -1,0 +1,75 @@
+#pragma once
+
+#include <vector>
+
+#include "rgbd/camera_model.hpp"
+#include "synth/fabric.hpp"
+#include "synth/light.hpp"
+#include "synth/table.hpp"
+
+namespace weft::synth {
+
+struct CameraPose {
+  Vec3 origin = Vec3::Zero();  // world
+  Vec3 right = Vec3::UnitX(), down = -Vec3::UnitY(), forward = -Vec3::UnitZ();
+};
+
+struct ColourSensor {
+  float mean_level = 0.25f;  // linear, of the exposed picture
+  Vec3 balance = Vec3::Ones();
+  float blur_px = 0.6f;     // standard deviation of the point spread
+  float noise_grey = 0.7f;  // standard deviation at middle grey, after everything, grey levels
+  float vignetting = 0.2f;  // loss in the corners
+  float gamma = 2.2f;
+  float contrast = 0.0f;     // strength of an S curve
+  float black_level = 0.0f;  // grey levels
+  float sharpening = 0.0f;
+  bool mosaic = true;  // Bayer pattern and demosaicing
+  float saturation = 1.0f;
+  int jpeg_quality = 92;
+};
+
+struct DepthSensor {
+  float baseline_m = 0.075f;
+  float focal_px = 575.0f;
+  float step_px = 0.125f;   // of disparity
+  float noise_px = 0.04f;   // of disparity, fine
+  float blotch_px = 0.06f;  // of disparity, patches of blotch_size_px
+  float blotch_size_px = 7.0f;
+  float band_px = 0.05f;  // of disparity, columns
+  float band_period_px = 80.0f;
+  float warp_m = 0.004f;  // low-order distortion at the corners
+  float warp[5] = {};
+  float shift_x_px = 0.0f, shift_y_px = 0.0f;  // error of the registration
+  float edge_loss = 0.5f;                      // chance to lose a pixel at an edge
+  float projector_sign = -1.0f;                // side of the projector
+};
+
+struct Placement {  // of an object: turn about z, then move
+  float sine = 0.0f, cosine = 1.0f;
+  Vec2 offset = Vec2::Zero();
+  Vec3 apply(const Vec3& p) const {
+    return {cosine * p.x() - sine * p.y() + offset.x(), sine * p.x() + cosine * p.y() + offset.y(),
+            p.z()};
+  }
+};
+
+/// Everything drawn for one view of one or two garments.
+struct ViewRecipe {
+  rgbd::CameraModel camera;
+  CameraPose pose;
+  bool mirrored = false;
+  Table table;
+  Lighting lighting;
+  std::vector<Placement> placements;  // by object
+  std::vector<Fabric> fabrics;        // by object
+  ColourSensor colour;
+  DepthSensor depth;
+  std::uint64_t sensor_seed = 0;
+};
+
+/// objects: one or two garments, the first the one the scene is about. held_out: fabrics reserved
+/// for testing.
+ViewRecipe draw_view(Random& random, const std::vector<const Simulation*>& objects, bool held_out);
+
+}  // namespace weft::synth
