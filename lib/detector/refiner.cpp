@@ -4,11 +4,11 @@
 #include <cmath>
 #include <limits>
 #include <numeric>
+#include <tuple>
 
 #include "base/det_math.hpp"
 #include "base/error.hpp"
 #include "base/parallel.hpp"
-#include "detector/chi2_kernel.hpp"
 
 namespace weft::detector {
 namespace {
@@ -16,14 +16,15 @@ namespace {
 constexpr double kNever = -std::numeric_limits<double>::infinity();
 
 /// Non-zero shares of a histogram, each block divided by its own count.
-float sparse_histogram(const std::vector<int>& counts, const std::vector<int>& block_words,
+float sparse_histogram(const std::vector<std::int32_t>& counts,
+                       const std::vector<HistogramBlock>& blocks,
                        std::vector<chi2::Entry>& entries) {
   float sum = 0.0f;
   std::size_t begin = 0;
-  for (const int words : block_words) {
-    const std::size_t end = begin + static_cast<std::size_t>(words);
-    const int total = std::accumulate(counts.begin() + static_cast<std::ptrdiff_t>(begin),
-                                      counts.begin() + static_cast<std::ptrdiff_t>(end), 0);
+  for (const auto& block : blocks) {
+    const std::size_t end = begin + static_cast<std::size_t>(block.words);
+    const auto total = std::accumulate(counts.begin() + static_cast<std::ptrdiff_t>(begin),
+                                       counts.begin() + static_cast<std::ptrdiff_t>(end), 0);
     for (std::size_t w = begin; w < end; ++w) {
       if (counts[w] == 0) continue;
       entries.push_back({static_cast<std::int32_t>(w),
@@ -35,99 +36,138 @@ float sparse_histogram(const std::vector<int>& counts, const std::vector<int>& b
   return sum;
 }
 
-void check_window(const bovw::WordGrid& grid, const Candidate& candidate) {
-  if (candidate.column < 0 || candidate.column >= grid.columns || candidate.row < 0 ||
-      candidate.row >= grid.rows) {
-    throw Error("candidate of " + candidate.part + " at grid point (" +
-                std::to_string(candidate.column) + ", " + std::to_string(candidate.row) +
-                ") is outside the grid of " + std::to_string(grid.columns) + " x " +
-                std::to_string(grid.rows));
-  }
-}
-
 }  // namespace
 
-int RefineModel::words() const {
-  return std::accumulate(block_words.begin(), block_words.end(), 0);
-}
-
-void RefineModel::validate() const {
-  const auto fail = [&](const std::string& what) {
-    throw Error("refine model of " + part + ": " + what);
-  };
-  if (std::find(kParts.begin(), kParts.end(), part) == kParts.end()) fail("unknown part");
-  if (shapes.empty()) fail("no window shapes");
-  for (const auto& shape : shapes) {
-    if (shape.columns < 1 || shape.rows < 1 || shape.columns > 1024 || shape.rows > 1024) {
-      fail("window of " + std::to_string(shape.columns) + " x " + std::to_string(shape.rows) +
-           " grid points");
-    }
-  }
-  if (block_words.empty()) fail("no descriptor");
-  for (const int n : block_words) {
-    if (n < 1 || n > 32767) fail("vocabulary of " + std::to_string(n) + " words");
-  }
-  if (coefficients.empty()) fail("no support vectors");
-  if (counts.size() != coefficients.size() * static_cast<std::size_t>(words())) {
-    fail("counts and coefficients do not fit together");
-  }
-  for (const double a : coefficients) {
-    if (!std::isfinite(a)) fail("a coefficient is not finite");
-  }
-  if (!(gamma > 0.0) || !std::isfinite(gamma) || !std::isfinite(rho) || !std::isfinite(platt_a) ||
-      !std::isfinite(platt_b)) {
-    fail("gamma, rho or the sigmoid is not usable");
-  }
-}
-
-std::vector<int> count_words(const std::vector<const bovw::WordGrid*>& grids,
-                             const GridWindow& window) {
-  int words = 0;
-  for (const auto* grid : grids) words += grid->vocabulary_size;
-  std::vector<int> counts(static_cast<std::size_t>(words), 0);
-  int* block = counts.data();
-  for (const auto* grid : grids) {
-    const int left = std::max(0, window.column), top = std::max(0, window.row);
-    const int right = std::min(grid->columns, window.column + window.shape.columns);
-    const int bottom = std::min(grid->rows, window.row + window.shape.rows);
-    for (int r = top; r < bottom; ++r) {
-      const std::int16_t* cells =
-          grid->cells.data() + static_cast<std::ptrdiff_t>(r) * grid->columns;
-      for (int c = left; c < right; ++c) {
-        if (cells[c] >= 0) ++block[cells[c]];
+void RefineModel::validate(const std::string& where) const {
+  validate_blocks(blocks, where);
+  if (parts.empty()) throw Error(where + ": no parts");
+  for (const auto& svm : parts) {
+    validate_part(svm.part, where);
+    const auto fail = [&](const std::string& what) {
+      throw Error(where + ": " + svm.part + ": " + what);
+    };
+    if (svm.shapes.empty() || svm.shapes.size() > 64) fail("1 to 64 window shapes expected");
+    for (const auto& shape : svm.shapes) {
+      if (!(shape.width_px > 0.0 && shape.width_px <= 8192.0 && shape.height_px > 0.0 &&
+            shape.height_px <= 8192.0)) {
+        fail("a window shape is not between 0 and 8192 px");
       }
     }
-    block += grid->vocabulary_size;
+    if (svm.coefficients.empty()) fail("no support vectors");
+    if (svm.counts.size() != svm.coefficients.size() * static_cast<std::size_t>(words())) {
+      fail("counts and coefficients do not fit together");
+    }
+    for (const auto count : svm.counts) {
+      if (count < 0 || count > 1 << 20) fail("a word count is out of range");
+    }
+    for (const double a : svm.coefficients) {
+      if (!std::isfinite(a)) fail("a coefficient is not finite");
+    }
+    if (!(svm.gamma > 0.0) || !std::isfinite(svm.gamma) || !std::isfinite(svm.rho) ||
+        !std::isfinite(svm.platt_a) || !std::isfinite(svm.platt_b)) {
+      fail("gamma, rho or the sigmoid is not usable");
+    }
+  }
+}
+
+void RefineModel::write(const std::string& path) const {
+  validate(path);
+  BlobWriter blob("refine", 1);
+  write_blocks(blob, blocks);
+  blob.add_number("parts", static_cast<std::int64_t>(parts.size()));
+  for (std::size_t i = 0; i < parts.size(); ++i) {
+    const auto& svm = parts[i];
+    const std::string name = "part." + std::to_string(i) + ".";
+    blob.add(name + "name", svm.part);
+    std::vector<double> shapes;
+    for (const auto& shape : svm.shapes) {
+      shapes.push_back(shape.width_px);
+      shapes.push_back(shape.height_px);
+    }
+    blob.add(name + "shapes", std::span<const double>(shapes));
+    // Counts are small: 16 bits are enough, and validate() has seen them.
+    std::vector<std::int16_t> counts;
+    for (const auto count : svm.counts) {
+      if (count > 32767) throw Error(path + ": a support vector has a word more than 32767 times");
+      counts.push_back(static_cast<std::int16_t>(count));
+    }
+    blob.add(name + "counts", std::span<const std::int16_t>(counts));
+    blob.add(name + "coefficients", std::span<const double>(svm.coefficients));
+    blob.add_number(name + "gamma", svm.gamma);
+    blob.add_number(name + "rho", svm.rho);
+    blob.add_number(name + "platt_a", svm.platt_a);
+    blob.add_number(name + "platt_b", svm.platt_b);
+  }
+  blob.write(path);
+}
+
+RefineModel RefineModel::read(const std::string& path) {
+  const auto blob = BlobReader::from_file(path, "refine", 1);
+  RefineModel model;
+  model.blocks = read_blocks(blob);
+  model.parts.resize(
+      static_cast<std::size_t>(blob.integer("parts", 1, static_cast<int>(kParts.size()))));
+  for (std::size_t i = 0; i < model.parts.size(); ++i) {
+    auto& svm = model.parts[i];
+    const std::string name = "part." + std::to_string(i) + ".";
+    svm.part = blob.text(name + "name");
+    const auto shapes = blob.values<double>(name + "shapes");
+    if (shapes.size() % 2 != 0) blob.fail(name + "shapes holds an odd number of values");
+    for (std::size_t k = 0; k < shapes.size(); k += 2) {
+      svm.shapes.push_back({shapes[k], shapes[k + 1]});
+    }
+    for (const auto count : blob.values<std::int16_t>(name + "counts")) svm.counts.push_back(count);
+    svm.coefficients = blob.values<double>(name + "coefficients");
+    svm.gamma = blob.number(name + "gamma");
+    svm.rho = blob.number(name + "rho");
+    svm.platt_a = blob.number(name + "platt_a");
+    svm.platt_b = blob.number(name + "platt_b");
+  }
+  model.hash = blob.hash();
+  model.validate(path);
+  return model;
+}
+
+std::vector<std::int32_t> window_counts(std::span<const bovw::WordGrid* const> grids,
+                                        const bovw::CellBox& window) {
+  std::size_t words = 0;
+  for (const auto* grid : grids) words += static_cast<std::size_t>(grid->vocabulary_size);
+  std::vector<std::int32_t> counts(words);
+  std::size_t begin = 0;
+  for (const auto* grid : grids) {
+    const auto size = static_cast<std::size_t>(grid->vocabulary_size);
+    bovw::count_words(*grid, window, std::span(counts).subspan(begin, size));
+    begin += size;
   }
   return counts;
 }
 
-double chi2_distance(const std::uint16_t* a, const std::uint16_t* b,
-                     const std::vector<int>& block_words) {
+double chi2_distance(const std::int32_t* a, const std::int32_t* b,
+                     const std::vector<HistogramBlock>& blocks) {
   double distance = 0.0;
-  for (const int words : block_words) {
-    const double total_a = std::accumulate(a, a + words, 0),
-                 total_b = std::accumulate(b, b + words, 0);
+  for (const auto& block : blocks) {
+    const double total_a = std::accumulate(a, a + block.words, 0);
+    const double total_b = std::accumulate(b, b + block.words, 0);
     if (total_a > 0) distance += 1.0;
     if (total_b > 0) distance += 1.0;
     // (x-t)^2 / (x+t) = x + t - 4 x t / (x+t); with x = a / total_a the last term becomes
     // 4 a b / (a total_b + b total_a).
     double common = 0.0;
-    for (int w = 0; w < words; ++w) {
+    for (int w = 0; w < block.words; ++w) {
       if (a[w] == 0 || b[w] == 0) continue;
       common += static_cast<double>(a[w]) * b[w] / (a[w] * total_b + b[w] * total_a);
     }
     distance -= 4.0 * common;
-    a += words;
-    b += words;
+    a += block.words;
+    b += block.words;
   }
   return distance;
 }
 
-Box window_box(const bovw::WordGrid& grid, const GridWindow& window) {
+Box window_box(const bovw::WordGrid& grid, const bovw::CellBox& window) {
   return {grid.origin_x + (window.column - 0.5) * grid.step_px,
-          grid.origin_y + (window.row - 0.5) * grid.step_px, window.shape.columns * grid.step_px,
-          window.shape.rows * grid.step_px};
+          grid.origin_y + (window.row - 0.5) * grid.step_px, window.columns * grid.step_px,
+          window.rows * grid.step_px};
 }
 
 double overlap(const Box& a, const Box& b) {
@@ -138,26 +178,18 @@ double overlap(const Box& a, const Box& b) {
   return common / (a.width * a.height + b.width * b.height - common);
 }
 
-void check_same_grid(const std::vector<const bovw::WordGrid*>& grids) {
-  if (grids.empty()) throw Error("no word grid");
-  const auto& first = *grids.front();
-  for (const auto* grid : grids) {
-    if (grid->columns != first.columns || grid->rows != first.rows ||
-        grid->origin_x != first.origin_x || grid->origin_y != first.origin_y ||
-        grid->step_px != first.step_px || grid->view.kind != first.view.kind ||
-        grid->view.width != first.view.width || grid->view.height != first.view.height) {
-      throw Error("the words of " + grid->descriptor + " and " + first.descriptor +
-                  " lie on different grids; describe both with the same view and grid settings");
-    }
-  }
+chi2::Model Refiner::Packed::model(int words, double gamma) const {
+  return {shares.data(), sums.data(), coefficients.data(),
+          blocks,        words,       static_cast<float>(gamma)};
 }
 
-Refiner::Refiner(std::vector<RefineModel> models, RefinerOptions options)
-    : models_(std::move(models)), options_(options) {
+Refiner::Refiner(RefineModel model, const RefinerOptions& options)
+    : model_(std::move(model)), options_(options) {
   options_.validate();
-  for (const auto& model : models_) {
-    model.validate();
-    const int words = model.words(), count = model.support_vectors();
+  model_.validate("refine model");
+  const int words = model_.words();
+  for (const auto& svm : model_.parts) {
+    const int count = svm.support_vectors();
     Packed packed;
     packed.blocks = (count + chi2::kBlock - 1) / chi2::kBlock;
     const auto lanes = static_cast<std::size_t>(packed.blocks * chi2::kBlock);
@@ -165,12 +197,12 @@ Refiner::Refiner(std::vector<RefineModel> models, RefinerOptions options)
     packed.sums.assign(lanes, 0.0f);
     packed.coefficients.assign(lanes, 0.0f);
     for (int i = 0; i < count; ++i) {
-      const auto* counts = model.counts.data() + static_cast<std::ptrdiff_t>(i) * words;
+      const auto* counts = svm.counts.data() + static_cast<std::ptrdiff_t>(i) * words;
       std::vector<chi2::Entry> entries;
       const int block = i / chi2::kBlock, lane = i % chi2::kBlock;
       const auto at = static_cast<std::size_t>(i);
-      packed.sums[at] = sparse_histogram({counts, counts + words}, model.block_words, entries);
-      packed.coefficients[at] = static_cast<float>(model.coefficients[at]);
+      packed.sums[at] = sparse_histogram({counts, counts + words}, model_.blocks, entries);
+      packed.coefficients[at] = static_cast<float>(svm.coefficients[at]);
       for (const auto& e : entries) {
         packed.shares[static_cast<std::size_t>((block * words + e.word) * chi2::kBlock + lane)] =
             e.share;
@@ -180,35 +212,25 @@ Refiner::Refiner(std::vector<RefineModel> models, RefinerOptions options)
   }
 }
 
-double Refiner::decide(int model, const std::vector<int>& counts) const {
-  const auto& m = models_.at(static_cast<std::size_t>(model));
-  const auto& packed = packed_[static_cast<std::size_t>(model)];
-  if (static_cast<int>(counts.size()) != m.words()) throw Error("counts do not fit the model");
+double Refiner::decide(int part, const std::vector<std::int32_t>& counts) const {
+  const auto& svm = model_.parts.at(static_cast<std::size_t>(part));
+  if (static_cast<int>(counts.size()) != model_.words()) {
+    throw Error("word counts do not fit the refine model");
+  }
   std::vector<chi2::Entry> entries;
-  const float sum = sparse_histogram(counts, m.block_words, entries);
+  const float sum = sparse_histogram(counts, model_.blocks, entries);
   if (entries.empty()) return kNever;
   const chi2::Histogram histogram{entries.data(), static_cast<std::int32_t>(entries.size()), sum};
-  const chi2::Model kernel_model{
-      packed.shares.data(), packed.sums.data(), packed.coefficients.data(),
-      packed.blocks,        m.words(),          static_cast<float>(m.gamma)};
   double value = 0.0;
-  chi2::best_kernel()(kernel_model, &histogram, 1, &value);
-  return value - m.rho;
+  chi2::best_kernel()(packed_[static_cast<std::size_t>(part)].model(model_.words(), svm.gamma),
+                      &histogram, 1, &value);
+  return value - svm.rho;
 }
 
-double Refiner::probability(int model, double decision) const {
-  if (decision == kNever) return 0.0;
-  const auto& m = models_.at(static_cast<std::size_t>(model));
-  return det::logistic(-(m.platt_a * decision + m.platt_b));
-}
-
-std::vector<Detection> Refiner::refine(const std::vector<const bovw::WordGrid*>& grids,
-                                       const std::vector<Candidate>& candidates,
-                                       int threads) const {
-  check_same_grid(grids);
+std::vector<Detection> Refiner::refine(std::span<const bovw::WordGrid* const> grids,
+                                       std::span<const Candidate> candidates, int threads) const {
+  check_grids(model_.blocks, grids, "refine model");
   const auto& grid = *grids.front();
-  std::vector<int> block_words;
-  for (const auto* each : grids) block_words.push_back(each->vocabulary_size);
   if (static_cast<int>(candidates.size()) > options_.max_candidates) {
     throw Error(std::to_string(candidates.size()) +
                 " candidates in a frame, but max_candidates is " +
@@ -217,11 +239,11 @@ std::vector<Detection> Refiner::refine(const std::vector<const bovw::WordGrid*>&
 
   // All windows of all candidates; a window that two candidates of a part share is scored once.
   struct Window {
-    int model;
-    GridWindow where;
+    int part;
+    bovw::CellBox where;
     double decision = kNever;
     auto key() const {
-      return std::tuple(model, where.shape.columns, where.shape.rows, where.row, where.column);
+      return std::tuple(part, where.columns, where.rows, where.row, where.column);
     }
   };
   std::vector<Window> windows;
@@ -233,14 +255,12 @@ std::vector<Detection> Refiner::refine(const std::vector<const bovw::WordGrid*>&
   for (std::size_t i = 0; i < candidates.size(); ++i) {
     const auto& candidate = candidates[i];
     check_window(grid, candidate);
-    const auto model = std::find_if(models_.begin(), models_.end(),
-                                    [&](const RefineModel& m) { return m.part == candidate.part; });
-    if (model == models_.end()) throw Error("no refine model for part '" + candidate.part + "'");
-    if (model->block_words != block_words) {
-      throw Error("the words do not fit the refine model of " + candidate.part +
-                  ": other vocabulary sizes");
-    }
-    for (const auto& shape : model->shapes) {
+    const auto svm = std::find_if(model_.parts.begin(), model_.parts.end(),
+                                  [&](const PartSvm& p) { return p.part == candidate.part; });
+    if (svm == model_.parts.end()) throw Error("no refine model for part '" + candidate.part + "'");
+    for (const auto& shape : svm->shapes) {
+      const int columns = bovw::window_cells(shape.width_px, grid.step_px);
+      const int rows = bovw::window_cells(shape.height_px, grid.step_px);
       for (int dy = -options_.offset_steps; dy <= options_.offset_steps; ++dy) {
         for (int dx = -options_.offset_steps; dx <= options_.offset_steps; ++dx) {
           const int centre_column = candidate.column + dx * options_.offset_stride;
@@ -252,9 +272,8 @@ std::vector<Detection> Refiner::refine(const std::vector<const bovw::WordGrid*>&
           }
           Use use;
           use.candidate = static_cast<int>(i);
-          use.window.model = static_cast<int>(model - models_.begin());
-          use.window.where = {centre_column - shape.columns / 2, centre_row - shape.rows / 2,
-                              shape};
+          use.window.part = static_cast<int>(svm - model_.parts.begin());
+          use.window.where = {centre_column - columns / 2, centre_row - rows / 2, columns, rows};
           uses.push_back(use);
         }
       }
@@ -276,7 +295,7 @@ std::vector<Detection> Refiner::refine(const std::vector<const bovw::WordGrid*>&
   for (std::size_t begin = 0; begin < windows.size();) {
     std::size_t end = begin;
     while (end < windows.size() && end - begin < kPiece &&
-           windows[end].model == windows[begin].model) {
+           windows[end].part == windows[begin].part) {
       ++end;
     }
     pieces.push_back({begin, end});
@@ -286,29 +305,26 @@ std::vector<Detection> Refiner::refine(const std::vector<const bovw::WordGrid*>&
   parallel_for(static_cast<int>(pieces.size()), threads, [&](int first, int last) {
     for (int p = first; p < last; ++p) {
       const auto [begin, end] = pieces[static_cast<std::size_t>(p)];
-      const auto model = static_cast<std::size_t>(windows[begin].model);
-      const auto& packed = packed_[model];
+      const auto part = static_cast<std::size_t>(windows[begin].part);
+      const auto& svm = model_.parts[part];
       std::vector<chi2::Entry> entries;
       std::vector<chi2::Histogram> histograms;
       std::vector<std::size_t> begins;
       for (std::size_t w = begin; w < end; ++w) {
         begins.push_back(entries.size());
         const float sum =
-            sparse_histogram(count_words(grids, windows[w].where), block_words, entries);
+            sparse_histogram(window_counts(grids, windows[w].where), model_.blocks, entries);
         histograms.push_back(
             {nullptr, static_cast<std::int32_t>(entries.size() - begins.back()), sum});
       }
       for (std::size_t h = 0; h < histograms.size(); ++h) {
         histograms[h].entries = entries.data() + begins[h];
       }
-      const chi2::Model kernel_model{
-          packed.shares.data(), packed.sums.data(),     packed.coefficients.data(),
-          packed.blocks,        models_[model].words(), static_cast<float>(models_[model].gamma)};
       std::vector<double> sums(histograms.size());
-      kernel(kernel_model, histograms.data(), static_cast<std::int32_t>(histograms.size()),
-             sums.data());
+      kernel(packed_[part].model(model_.words(), svm.gamma), histograms.data(),
+             static_cast<std::int32_t>(histograms.size()), sums.data());
       for (std::size_t h = 0; h < histograms.size(); ++h) {
-        if (histograms[h].count > 0) windows[begin + h].decision = sums[h] - models_[model].rho;
+        if (histograms[h].count > 0) windows[begin + h].decision = sums[h] - svm.rho;
       }
     }
   });
@@ -329,7 +345,9 @@ std::vector<Detection> Refiner::refine(const std::vector<const bovw::WordGrid*>&
     if (best[i].window == nullptr) continue;
     Detection d;
     d.part = candidates[i].part;
-    d.probability = probability(best[i].window->model, best[i].decision) * candidates[i].prior;
+    const auto& svm = model_.parts[static_cast<std::size_t>(best[i].window->part)];
+    d.probability =
+        det::logistic(-(svm.platt_a * best[i].decision + svm.platt_b)) * candidates[i].prior;
     d.box_view = window_box(grid, best[i].window->where);
     detections.push_back(d);
   }

@@ -9,12 +9,14 @@
 #include "base/error.hpp"
 #include "base/random.hpp"
 #include "detector/chi2_kernel.hpp"
+#include "support/files.hpp"
 
 namespace weft::detector {
 namespace {
 
 bovw::WordGrid random_grid(Random& random, int columns, int rows, int words) {
   bovw::WordGrid grid;
+  grid.descriptor = "d" + std::to_string(words);
   grid.vocabulary_size = words;
   grid.columns = columns;
   grid.rows = rows;
@@ -35,30 +37,33 @@ bovw::WordGrid random_grid(Random& random, int columns, int rows, int words) {
   return grid;
 }
 
-RefineModel random_model(Random& random, const std::string& part, std::vector<int> block_words,
-                         int vectors) {
-  RefineModel model;
-  model.part = part;
-  model.shapes = {{9, 7}, {7, 9}, {12, 5}, {4, 4}};
-  model.block_words = std::move(block_words);
-  for (int i = 0; i < vectors; ++i) {
-    for (int w = 0; w < model.words(); ++w) {
-      model.counts.push_back(random.uniform() < 0.5 ? 0
-                                                    : static_cast<std::uint16_t>(random.below(9)));
-    }
-    model.coefficients.push_back(random.uniform(-2.0, 2.0));
-  }
-  model.gamma = random.uniform(0.5, 2.0);
-  model.rho = random.uniform(-0.2, 0.2);
-  model.platt_a = -1.5;
-  model.platt_b = 0.3;
-  return model;
+using Blocks = std::vector<HistogramBlock>;
+
+Blocks blocks_of(const std::vector<int>& words) {
+  Blocks blocks;
+  for (const int n : words) blocks.push_back({"d" + std::to_string(n), 0, n});
+  return blocks;
 }
 
-std::vector<double> l1(const std::vector<int>& counts, const std::vector<int>& block_words) {
+PartSvm random_svm(Random& random, const std::string& part, int words, int vectors) {
+  PartSvm svm;
+  svm.part = part;
+  svm.shapes = {{54, 42}, {42, 54}, {72, 30}, {24, 24}};  // 9x7, 7x9, 12x5, 4x4 grid points
+  for (int i = 0; i < vectors * words; ++i) {
+    svm.counts.push_back(random.uniform() < 0.5 ? 0 : static_cast<std::int32_t>(random.below(9)));
+  }
+  for (int i = 0; i < vectors; ++i) svm.coefficients.push_back(random.uniform(-2.0, 2.0));
+  svm.gamma = random.uniform(0.5, 2.0);
+  svm.rho = random.uniform(-0.2, 0.2);
+  svm.platt_a = -1.5;
+  svm.platt_b = 0.3;
+  return svm;
+}
+
+std::vector<double> l1(const std::vector<int>& counts, const Blocks& blocks) {
   std::vector<double> h;
   std::size_t at = 0;
-  for (const int words : block_words) {
+  for (const auto& [descriptor, hash, words] : blocks) {
     double total = 0.0;
     for (int w = 0; w < words; ++w) total += counts[at + static_cast<std::size_t>(w)];
     for (int w = 0; w < words; ++w) {
@@ -77,29 +82,30 @@ double brute_distance(const std::vector<double>& x, const std::vector<double>& t
   return d;
 }
 
-std::vector<int> vector_counts(const RefineModel& m, int i) {
-  const auto begin = m.counts.begin() + static_cast<std::ptrdiff_t>(i) * m.words();
-  return {begin, begin + m.words()};
+std::vector<int> vector_counts(const PartSvm& svm, int i, int words) {
+  const auto begin = svm.counts.begin() + static_cast<std::ptrdiff_t>(i) * words;
+  return {begin, begin + words};
 }
 
-double brute_decision(const RefineModel& m, const std::vector<int>& counts) {
-  double sum = -m.rho;
-  for (int i = 0; i < m.support_vectors(); ++i) {
+double brute_decision(const PartSvm& svm, const Blocks& blocks, const std::vector<int>& counts) {
+  double sum = -svm.rho;
+  for (int i = 0; i < svm.support_vectors(); ++i) {
     const double d =
-        brute_distance(l1(counts, m.block_words), l1(vector_counts(m, i), m.block_words));
-    sum += m.coefficients[static_cast<std::size_t>(i)] * std::exp(-m.gamma * d);
+        brute_distance(l1(counts, blocks), l1(vector_counts(svm, i, total_words(blocks)), blocks));
+    sum += svm.coefficients[static_cast<std::size_t>(i)] * std::exp(-svm.gamma * d);
   }
   return sum;
 }
 
-std::vector<int> brute_counts(const std::vector<const bovw::WordGrid*>& grids, int column, int row,
-                              GridShape shape) {
+std::vector<int> brute_counts(const std::vector<const bovw::WordGrid*>& grids,
+                              const bovw::CellBox& box) {
   std::vector<int> counts;
   for (const auto* grid : grids) {
     std::vector<int> block(static_cast<std::size_t>(grid->vocabulary_size), 0);
     for (int r = 0; r < grid->rows; ++r) {
       for (int c = 0; c < grid->columns; ++c) {
-        if (c < column || c >= column + shape.columns || r < row || r >= row + shape.rows) continue;
+        if (c < box.column || c >= box.column + box.columns) continue;
+        if (r < box.row || r >= box.row + box.rows) continue;
         if (grid->at(c, r) >= 0) ++block[static_cast<std::size_t>(grid->at(c, r))];
       }
     }
@@ -110,17 +116,17 @@ std::vector<int> brute_counts(const std::vector<const bovw::WordGrid*>& grids, i
 
 TEST(Chi2Distance, EqualsTheDefinition) {
   Random random(1);
+  const auto blocks = blocks_of({20, 13});
   for (int trial = 0; trial < 50; ++trial) {
-    const auto m = random_model(random, "jeans hips", {20, 13}, 2);
-    const double expected = brute_distance(l1(vector_counts(m, 0), m.block_words),
-                                           l1(vector_counts(m, 1), m.block_words));
-    EXPECT_NEAR(chi2_distance(m.counts.data(), m.counts.data() + 33, m.block_words), expected,
-                1e-14);
+    const auto svm = random_svm(random, "jeans hips", 33, 2);
+    const double expected = brute_distance(l1(vector_counts(svm, 0, 33), blocks),
+                                           l1(vector_counts(svm, 1, 33), blocks));
+    EXPECT_NEAR(chi2_distance(svm.counts.data(), svm.counts.data() + 33, blocks), expected, 1e-14);
   }
-  const std::uint16_t empty[3] = {0, 0, 0}, one[3] = {0, 5, 0};
-  EXPECT_DOUBLE_EQ(chi2_distance(empty, empty, {3}), 0.0);
-  EXPECT_DOUBLE_EQ(chi2_distance(empty, one, {3}), 1.0);
-  EXPECT_DOUBLE_EQ(chi2_distance(one, one, {3}), 0.0);
+  const std::int32_t empty[3] = {0, 0, 0}, one[3] = {0, 5, 0};
+  EXPECT_DOUBLE_EQ(chi2_distance(empty, empty, blocks_of({3})), 0.0);
+  EXPECT_DOUBLE_EQ(chi2_distance(empty, one, blocks_of({3})), 1.0);
+  EXPECT_DOUBLE_EQ(chi2_distance(one, one, blocks_of({3})), 0.0);
 }
 
 TEST(Chi2Kernel, EveryInstructionSetGivesTheSameBits) {
@@ -151,15 +157,18 @@ TEST(Chi2Kernel, EveryInstructionSetGivesTheSameBits) {
 TEST(Refiner, DecisionEqualsTheDefinition) {
   Random random(3);
   for (const int vectors : {1, 31, 32, 100}) {
-    const auto model = random_model(random, "jeans hips", {40, 25}, vectors);
-    const Refiner refiner({model}, {});
+    RefineModel model;
+    model.blocks = blocks_of({40, 25});
+    model.parts = {random_svm(random, "jeans hips", 65, vectors)};
+    const Refiner refiner(model, {});
     for (int trial = 0; trial < 20; ++trial) {
       std::vector<int> counts;
       for (int w = 0; w < 65; ++w) {
         counts.push_back(random.uniform() < 0.5 ? 0 : static_cast<int>(random.below(30)));
       }
       if (trial == 0) std::fill(counts.begin() + 40, counts.end(), 0);  // one descriptor is silent
-      EXPECT_NEAR(refiner.decide(0, counts), brute_decision(model, counts), 2e-6 * vectors);
+      EXPECT_NEAR(refiner.decide(0, counts), brute_decision(model.parts[0], model.blocks, counts),
+                  2e-6 * vectors);
     }
     EXPECT_EQ(refiner.decide(0, std::vector<int>(65, 0)), -std::numeric_limits<double>::infinity());
   }
@@ -177,7 +186,7 @@ TEST(Refiner, DecisionEqualsOpenCvsChi2Svm) {
       h.push_back(static_cast<int>(random.below(w % 2 == i % 2 ? 12 : 5)));
     }
     counts.push_back(h);
-    const auto x = l1(h, {words});
+    const auto x = l1(h, blocks_of({words}));
     for (int w = 0; w < words; ++w) {
       data.at<float>(i, w) = static_cast<float>(x[static_cast<std::size_t>(w)]);
     }
@@ -189,12 +198,11 @@ TEST(Refiner, DecisionEqualsOpenCvsChi2Svm) {
   svm->setC(2.0);
   ASSERT_TRUE(svm->train(data, cv::ml::ROW_SAMPLE, labels));
   cv::Mat alpha, index;
-  RefineModel model;
-  model.part = "polo collar";
-  model.shapes = {{3, 3}};
-  model.block_words = {words};
-  model.gamma = 1.7;
-  model.rho = svm->getDecisionFunction(0, alpha, index);
+  PartSvm ours;
+  ours.part = "polo collar";
+  ours.shapes = {{18, 18}};
+  ours.gamma = 1.7;
+  ours.rho = svm->getDecisionFunction(0, alpha, index);
   // OpenCV keeps its support vectors as L1 shares: find the samples they came from.
   const cv::Mat vectors = svm->getSupportVectors();
   for (int k = 0; k < index.cols * index.rows; ++k) {
@@ -202,12 +210,14 @@ TEST(Refiner, DecisionEqualsOpenCvsChi2Svm) {
     int sample = 0;
     while (sample < samples && cv::norm(row, data.row(sample)) > 1e-6) ++sample;
     ASSERT_LT(sample, samples);
-    for (const int n : counts[static_cast<std::size_t>(sample)]) {
-      model.counts.push_back(static_cast<std::uint16_t>(n));
-    }
-    model.coefficients.push_back(alpha.at<double>(k));
+    const auto& h = counts[static_cast<std::size_t>(sample)];
+    ours.counts.insert(ours.counts.end(), h.begin(), h.end());
+    ours.coefficients.push_back(alpha.at<double>(k));
   }
-  const Refiner refiner({model}, {});
+  RefineModel model;
+  model.blocks = blocks_of({words});
+  model.parts = {ours};
+  const Refiner refiner(model, {});
   cv::Mat raw;
   svm->predict(data, raw, cv::ml::StatModel::RAW_OUTPUT);
   for (int i = 0; i < samples; ++i) {
@@ -226,11 +236,13 @@ TEST_P(RefineFrame, KeepsTheBestWindowOfEachCandidate) {
     if (a.cells[i] == bovw::WordGrid::kOutsideMask) b.cells[i] = a.cells[i];
   }
   const std::vector<const bovw::WordGrid*> grids = {&a, &b};
-  const std::vector<RefineModel> models = {random_model(random, "jeans hips", {16, 9}, 70),
-                                           random_model(random, "polo collar", {16, 9}, 33)};
+  RefineModel model;
+  model.blocks = blocks_of({16, 9});
+  model.parts = {random_svm(random, "jeans hips", 25, 70),
+                 random_svm(random, "polo collar", 25, 33)};
   RefinerOptions options;
   options.max_overlap = 1.0;  // keep repeats: they are tested below
-  const Refiner refiner(models, options);
+  const Refiner refiner(model, options);
   std::vector<Candidate> candidates;
   for (int i = 0; i < 8; ++i) {
     Candidate c;
@@ -244,26 +256,27 @@ TEST_P(RefineFrame, KeepsTheBestWindowOfEachCandidate) {
 
   std::vector<Detection> expected;
   for (const auto& c : candidates) {
-    const auto& model = models[c.part == "jeans hips" ? 0 : 1];
+    const auto& svm = model.parts[c.part == "jeans hips" ? 0 : 1];
     double best = -1e300;
     Detection d;
-    for (const auto& shape : model.shapes) {
+    for (const auto& shape : svm.shapes) {
+      const int columns = static_cast<int>(shape.width_px / 6);
+      const int rows = static_cast<int>(shape.height_px / 6);
       for (int dy = -4; dy <= 4; dy += 2) {
         for (int dx = -4; dx <= 4; dx += 2) {
           const int column = c.column + dx, row = c.row + dy;
           if (column < 0 || row < 0 || column >= 40 || row >= 30) continue;
           if (a.at(column, row) == bovw::WordGrid::kOutsideMask) continue;
-          const auto counts =
-              brute_counts(grids, column - shape.columns / 2, row - shape.rows / 2, shape);
+          const bovw::CellBox box{column - columns / 2, row - rows / 2, columns, rows};
+          const auto counts = brute_counts(grids, box);
           if (std::all_of(counts.begin(), counts.end(), [](int n) { return n == 0; })) continue;
-          const double f = brute_decision(model, counts);
+          const double f = brute_decision(svm, model.blocks, counts);
           if (f <= best) continue;
           best = f;
           d.part = c.part;
-          d.probability = c.prior / (1.0 + std::exp(model.platt_a * f + model.platt_b));
-          d.box_view = {11.0 + (column - shape.columns / 2 - 0.5) * 6.0,
-                        7.5 + (row - shape.rows / 2 - 0.5) * 6.0, shape.columns * 6.0,
-                        shape.rows * 6.0};
+          d.probability = c.prior / (1.0 + std::exp(svm.platt_a * f + svm.platt_b));
+          d.box_view = {11.0 + (box.column - 0.5) * 6.0, 7.5 + (box.row - 0.5) * 6.0, columns * 6.0,
+                        rows * 6.0};
         }
       }
     }
@@ -273,7 +286,7 @@ TEST_P(RefineFrame, KeepsTheBestWindowOfEachCandidate) {
     return x.probability > y.probability;
   });
 
-  const auto found = refiner.refine(grids, candidates);
+  const auto found = refiner.refine(grids, candidates, 1);
   ASSERT_EQ(found.size(), expected.size());
   for (std::size_t i = 0; i < found.size(); ++i) {
     EXPECT_NEAR(found[i].probability, expected[i].probability, 1e-4);
@@ -295,7 +308,7 @@ TEST_P(RefineFrame, KeepsTheBestWindowOfEachCandidate) {
   }
 
   // The candidate given twice is one detection when overlapping ones are suppressed.
-  const auto suppressed = Refiner(models, {}).refine(grids, candidates);
+  const auto suppressed = Refiner(model, {}).refine(grids, candidates, 2);
   EXPECT_LT(suppressed.size(), found.size());
   for (std::size_t i = 0; i < suppressed.size(); ++i) {
     for (std::size_t j = 0; j < i; ++j) {
@@ -309,28 +322,61 @@ INSTANTIATE_TEST_SUITE_P(Seeds, RefineFrame, ::testing::Values(10, 11, 12));
 TEST(Refiner, RefusesWhatDoesNotFit) {
   Random random(5);
   const auto grid = random_grid(random, 20, 20, 16);
-  const auto model = random_model(random, "jeans hips", {16}, 5);
-  const Refiner refiner({model}, {});
-  Candidate c;
-  c.part = "jeans hips";
-  c.column = 20;
-  EXPECT_THROW(refiner.refine({&grid}, {c}), Error);
-  c.column = 3;
-  c.part = "polo collar";
-  EXPECT_THROW(refiner.refine({&grid}, {c}), Error);
-  c.part = "jeans hips";
-  EXPECT_THROW(refiner.refine({&grid, &grid}, {c}), Error);
-  EXPECT_THROW(refiner.refine({&grid}, std::vector<Candidate>(65, c)), Error);
-  const auto other = random_grid(random, 21, 20, 16);
-  EXPECT_THROW(refiner.refine({&grid, &other}, {}), Error);
-  for (const int field : {0, 1, 2, 3, 4}) {
+  RefineModel model;
+  model.blocks = blocks_of({16});
+  model.parts = {random_svm(random, "jeans hips", 16, 5)};
+  const Refiner refiner(model, {});
+  const bovw::WordGrid* const grids[] = {&grid};
+  std::vector<Candidate> candidates(1);
+  candidates[0].part = "jeans hips";
+  candidates[0].column = 20;
+  EXPECT_THROW(refiner.refine(grids, candidates, 1), Error);
+  candidates[0].column = -1;
+  EXPECT_THROW(refiner.refine(grids, candidates, 1), Error);
+  candidates[0].column = 3;
+  EXPECT_NO_THROW(refiner.refine(grids, candidates, 1));
+  candidates[0].part = "polo collar";
+  EXPECT_THROW(refiner.refine(grids, candidates, 1), Error);
+  candidates[0].part = "jeans hips";
+  EXPECT_THROW(refiner.refine(grids, std::vector<Candidate>(65, candidates[0]), 1), Error);
+  const bovw::WordGrid* const two[] = {&grid, &grid};
+  EXPECT_THROW(refiner.refine(two, candidates, 1), Error);
+  for (int field = 0; field < 7; ++field) {
     auto bad = model;
-    if (field == 0) bad.shapes.clear();
-    if (field == 1) bad.counts.pop_back();
-    if (field == 2) bad.gamma = 0.0;
-    if (field == 3) bad.part = "sock toe";
-    if (field == 4) bad.shapes[0].rows = 0;
-    EXPECT_THROW(Refiner({bad}, {}), Error) << field;
+    auto& svm = bad.parts[0];
+    if (field == 0) svm.shapes.clear();
+    if (field == 1) svm.counts.pop_back();
+    if (field == 2) svm.gamma = 0.0;
+    if (field == 3) svm.part = "sock toe";
+    if (field == 4) svm.shapes[0].height_px = 0.0;
+    if (field == 5) svm.counts[0] = -1;
+    if (field == 6) svm.rho = std::nan("");
+    EXPECT_THROW(Refiner(bad, {}), Error) << field;
+  }
+}
+
+TEST(RefineModel, WritesAndReadsTheSame) {
+  Random random(6);
+  RefineModel model;
+  model.blocks = blocks_of({16, 9});
+  model.parts = {random_svm(random, "jeans hips", 25, 7), random_svm(random, "polo collar", 25, 3)};
+  const test::TemporaryFolder folder;
+  const auto path = folder / "refine.blob";
+  model.write(path);
+  const auto read = RefineModel::read(path);
+  EXPECT_NE(read.hash, 0u);
+  EXPECT_EQ(read.words(), 25);
+  ASSERT_EQ(read.parts.size(), 2u);
+  for (std::size_t i = 0; i < 2; ++i) {
+    EXPECT_EQ(read.parts[i].part, model.parts[i].part);
+    EXPECT_EQ(read.parts[i].counts, model.parts[i].counts);
+    EXPECT_EQ(read.parts[i].coefficients, model.parts[i].coefficients);
+    EXPECT_EQ(read.parts[i].gamma, model.parts[i].gamma);
+    EXPECT_EQ(read.parts[i].rho, model.parts[i].rho);
+    EXPECT_EQ(read.parts[i].platt_a, model.parts[i].platt_a);
+    EXPECT_EQ(read.parts[i].platt_b, model.parts[i].platt_b);
+    EXPECT_EQ(read.parts[i].shapes.size(), 4u);
+    EXPECT_EQ(read.parts[i].shapes[2].width_px, 72.0);
   }
 }
 
