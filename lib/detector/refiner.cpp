@@ -170,6 +170,27 @@ Box window_box(const bovw::WordGrid& grid, const bovw::CellBox& window) {
           window.rows * grid.step_px};
 }
 
+std::vector<bovw::CellBox> candidate_windows(const bovw::WordGrid& grid, int column, int row,
+                                             const std::vector<WindowShape>& shapes,
+                                             const RefinerOptions& options) {
+  std::vector<bovw::CellBox> windows;
+  for (const auto& shape : shapes) {
+    const int columns = bovw::window_cells(shape.width_px, grid.step_px);
+    const int rows = bovw::window_cells(shape.height_px, grid.step_px);
+    for (int dy = -options.offset_steps; dy <= options.offset_steps; ++dy) {
+      for (int dx = -options.offset_steps; dx <= options.offset_steps; ++dx) {
+        const int c = column + dx * options.offset_stride, r = row + dy * options.offset_stride;
+        if (c < 0 || c >= grid.columns || r < 0 || r >= grid.rows ||
+            grid.at(c, r) == bovw::WordGrid::kOutsideMask) {
+          continue;
+        }
+        windows.push_back({c - columns / 2, r - rows / 2, columns, rows});
+      }
+    }
+  }
+  return windows;
+}
+
 double overlap(const Box& a, const Box& b) {
   const double width = std::min(a.x + a.width, b.x + b.width) - std::max(a.x, b.x);
   const double height = std::min(a.y + a.height, b.y + b.height) - std::max(a.y, b.y);
@@ -254,29 +275,20 @@ std::vector<Detection> Refiner::refine(std::span<const bovw::WordGrid* const> gr
   std::vector<Use> uses;
   for (std::size_t i = 0; i < candidates.size(); ++i) {
     const auto& candidate = candidates[i];
-    check_window(grid, candidate);
+    if (candidate.column < 0 || candidate.column >= grid.columns || candidate.row < 0 ||
+        candidate.row >= grid.rows) {
+      throw Error("candidate of " + candidate.part + " at grid point (" +
+                  std::to_string(candidate.column) + ", " + std::to_string(candidate.row) +
+                  ") is outside the grid of " + std::to_string(grid.columns) + " x " +
+                  std::to_string(grid.rows));
+    }
     const auto svm = std::find_if(model_.parts.begin(), model_.parts.end(),
                                   [&](const PartSvm& p) { return p.part == candidate.part; });
     if (svm == model_.parts.end()) throw Error("no refine model for part '" + candidate.part + "'");
-    for (const auto& shape : svm->shapes) {
-      const int columns = bovw::window_cells(shape.width_px, grid.step_px);
-      const int rows = bovw::window_cells(shape.height_px, grid.step_px);
-      for (int dy = -options_.offset_steps; dy <= options_.offset_steps; ++dy) {
-        for (int dx = -options_.offset_steps; dx <= options_.offset_steps; ++dx) {
-          const int centre_column = candidate.column + dx * options_.offset_stride;
-          const int centre_row = candidate.row + dy * options_.offset_stride;
-          if (centre_column < 0 || centre_column >= grid.columns || centre_row < 0 ||
-              centre_row >= grid.rows ||
-              grid.at(centre_column, centre_row) == bovw::WordGrid::kOutsideMask) {
-            continue;
-          }
-          Use use;
-          use.candidate = static_cast<int>(i);
-          use.window.part = static_cast<int>(svm - model_.parts.begin());
-          use.window.where = {centre_column - columns / 2, centre_row - rows / 2, columns, rows};
-          uses.push_back(use);
-        }
-      }
+    for (const auto& window :
+         candidate_windows(grid, candidate.column, candidate.row, svm->shapes, options_)) {
+      uses.push_back(
+          {static_cast<int>(i), {static_cast<int>(svm - model_.parts.begin()), window, kNever}});
     }
   }
   for (const auto& use : uses) windows.push_back(use.window);

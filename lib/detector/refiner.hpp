@@ -76,6 +76,12 @@ std::vector<std::int32_t> window_counts(std::span<const bovw::WordGrid* const> g
 /// The box a window covers in the view: half a step beyond its outermost grid points.
 Box window_box(const bovw::WordGrid& grid, const bovw::CellBox& window);
 
+/// The windows tried around a candidate: every shape at every offset whose centre is a point of the
+/// mask.
+std::vector<bovw::CellBox> candidate_windows(const bovw::WordGrid& grid, int column, int row,
+                                             const std::vector<WindowShape>& shapes,
+                                             const RefinerOptions& options);
+
 /// Jaccard index of two boxes.
 double overlap(const Box& a, const Box& b);
 

@@ -1,0 +1,137 @@
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "base/options.hpp"
+#include "bovw/describe.hpp"
+#include "bovw/vocabulary.hpp"
+#include "dataset/scene.hpp"
+#include "detector/part_scorer.hpp"
+#include "detector/refiner.hpp"
+#include "train/chi2_svm.hpp"
+#include "train/samples.hpp"
+
+/// From a dataset to a folder of models (detector/model.hpp).
+namespace weft::train {
+
+struct ScoreTraining {
+  int shapes = 5;
+  int negatives_per_view = 4;
+  int hard_negatives_per_view = 2;
+  std::vector<double> c = {0.1, 1.0, 10.0, 100.0};
+  double positive_weight = 1.0;
+  int max_samples = 12000;
+
+  void visit(OptionVisitor& v) {
+    v.field("shapes", shapes, {1, 32}, "", "window shapes of each part, clusters of its boxes");
+    v.field("negatives_per_view", negatives_per_view, {1, 1000}, "",
+            "random windows of each view and part");
+    v.field("hard_negatives_per_view", hard_negatives_per_view, {0, 1000}, "",
+            "best scored false windows of each view and part, mined once with a first model");
+    v.field("c", c, {1, 20}, "", "values of C tried");
+    v.field("positive_weight", positive_weight, {0.01, 1000.0}, "",
+            "C of positives over C of negatives");
+    v.field("max_samples", max_samples, {100, 1000000}, "",
+            "negatives of a part at most; memory is 2 KB each");
+  }
+};
+
+struct RefineTraining {
+  int shapes = 7;
+  int positives = 350;
+  int negatives = 850;
+  int rounds = 2;
+  SvmOptions svm;
+
+  void visit(OptionVisitor& v) {
+    v.field("shapes", shapes, {1, 32}, "", "window shapes tried around each peak");
+    v.field("positives", positives, {2, 100000}, "", "windows of a part at most");
+    v.field("negatives", negatives, {2, 100000}, "", "false windows at most");
+    v.field("rounds", rounds, {1, 5}, "",
+            "1: false windows drawn at random around the peaks; each further round adds those the "
+            "SVM of the round before ranks first");
+    v.group("svm", svm);
+  }
+};
+
+struct PriorTraining {
+  std::vector<double> c = {0.1, 1.0, 10.0, 100.0, 1000.0};
+  double recall = 0.95;
+
+  void visit(OptionVisitor& v) {
+    v.field("c", c, {1, 20}, "", "values of C tried");
+    v.field("recall", recall, {0.0, 1.0}, "",
+            "share of the views that show a part which its threshold must keep");
+  }
+};
+
+struct TrainOptions {
+  bovw::DescribeOptions describe;
+  AugmentOptions augment;
+  bovw::KMeansOptions kmeans;
+  int descriptors_per_view = 200;
+  int folds = 5;
+  int seed = 1;
+  double max_negative_overlap = 0.5;
+  bool negatives_inside = false;
+  ScoreTraining score;
+  RefineTraining refine;
+  PriorTraining prior;
+  detector::ScoreOptions search;
+  detector::RefinerOptions windows;
+
+  void visit(OptionVisitor& v) {
+    v.group("describe", describe);
+    v.group("augment", augment);
+    v.group("kmeans", kmeans);
+    v.field("descriptors_per_view", descriptors_per_view, {1, 100000}, "",
+            "drawn for the vocabulary");
+    v.field("folds", folds, {2, 20}, "", "of cross-validation, by simulation");
+    v.field("seed", seed, {0, 1 << 30}, "", "of all random draws but k-means'");
+    v.field("max_negative_overlap", max_negative_overlap, {0.0, 1.0}, "",
+            "Jaccard index of a negative window with the part's boxes at most; section 3.2: 0.5");
+    v.field("negatives_inside", negatives_inside,
+            "whether a window whose centre lies in the part's polygon, a hit by the paper's "
+            "measure, can be a negative for its size");
+    v.group("score", score);
+    v.group("refine", refine);
+    v.group("prior", prior);
+    v.group("search", search);
+    v.group("windows", windows);
+  }
+  void validate() const {
+    validate_fields(*this, "TrainOptions");
+    describe.validate();
+    augment.validate();
+    search.validate();
+    windows.validate();
+    refine.svm.validate();
+  }
+};
+
+/// Says how far a step is: name of the step, done, total.
+using Report = std::function<void(const std::string& step, int done, int total)>;
+/// Says something once.
+using Note = std::function<void(const std::string& text)>;
+
+/// Trains on all scenes of split "train" (all scenes, when the dataset has no splits) and writes
+/// the models to `models`. `work` keeps finished steps, so that a killed run goes on where it was.
+/// Same scenes, options and seed: same bytes on the same machine. Scenes that cannot be read are
+/// noted and left out. Throws Error when nothing can be trained.
+void train_models(const dataset::Dataset& data, const std::string& models, const std::string& work,
+                  const TrainOptions& options, int threads, const Report& report, const Note& note);
+
+/// k-means of log sizes, k-means++ start; at most `count` shapes, largest area first.
+std::vector<detector::WindowShape> cluster_shapes(const std::vector<detector::Box>& boxes,
+                                                  int count, std::uint64_t seed);
+
+/// Fold of each simulation: shuffled within each garment, then dealt out, so that every fold has
+/// its share of each garment.
+std::vector<int> assign_folds(const std::vector<std::string>& simulations,
+                              const std::vector<std::string>& garments, int folds,
+                              std::uint64_t seed);
+
+}  // namespace weft::train
