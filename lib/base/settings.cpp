@@ -1,6 +1,7 @@
 #include "base/settings.hpp"
 
 #include <yaml-cpp/yaml.h>
+#include <filesystem>
 
 #include <fstream>
 #include <set>
@@ -199,6 +200,10 @@ void Settings::set(const std::string& assignment) {
 }
 
 const std::string& Settings::name() const { return data_->name; }
+
+std::string Settings::path(const std::string& file) const {
+  return (std::filesystem::path(name()).parent_path() / file).lexically_normal().string();
+}
 const YAML::Node& Settings::node() const { return data_->node; }
 
 void Settings::read_fields(void (*visit)(void*, OptionVisitor&), void* options) const {

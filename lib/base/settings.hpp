@@ -41,6 +41,8 @@ class Settings {
   void set(const std::string& assignment);
 
   const std::string& name() const;
+  /// A file that a setting names: relative to the folder of the settings file, if there is one.
+  std::string path(const std::string& file) const;
   const YAML::Node& node() const;  // for files that are not Options (process sets)
 
  private:

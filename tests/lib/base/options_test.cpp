@@ -93,5 +93,13 @@ TEST(Options, HashFollowsValuesAndPrintingReadsBack) {
   EXPECT_EQ(options_hash(b), options_hash(c));
 }
 
+TEST(SettingsPath, IsRelativeToTheSettingsFile) {
+  EXPECT_EQ(Settings::from_text("", "/set/stages/score.yaml").path("../models/x.blob"),
+            "/set/models/x.blob");
+  EXPECT_EQ(Settings::from_text("", "/set/stages/score.yaml").path("/models/x.blob"),
+            "/models/x.blob");
+  EXPECT_EQ(Settings::empty("weft-score").path("models/x.blob"), "models/x.blob");
+}
+
 }  // namespace
 }  // namespace weft
