@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "base/options.hpp"
 #include "rgbd/frame.hpp"
 
 namespace weft::dataset {
@@ -23,6 +24,7 @@ struct Scene {
   std::string name;
   rgbd::RgbdFrame frame;  // its mask is the data set's own, empty when there is none
   std::vector<PartPolygon> polygons;
+  std::vector<cv::Point2f> outline;  // of the garment, px; empty when unknown
   std::string
       garment;  // polo, jeans, tshirt, dress, shirt, sweater, towel, blanket; empty when unknown
   std::string
@@ -41,8 +43,45 @@ class Dataset {
   virtual Scene read(std::size_t index) const = 0;
 };
 
-/// Opens a folder of scans, telling its kind (IRI layout, CTU, UC3M pairs, organised PCDs) from its
-/// files. Throws Error that says what was looked for when it is none of them.
-std::unique_ptr<Dataset> open_dataset(const std::string& folder);
+/// What the files of some sets do not say.
+struct DatasetOptions {
+  /// 0: what is known of the set, else 525 px, the usual default of Kinect-like sensors.
+  double fx_px = 0.0, fy_px = 0.0;
+  /// Negative: what is known of the set, else the image centre.
+  double cx_px = -1.0, cy_px = -1.0;
+  double depth_unit_m = 0.001;
+  /// x, y: by how much the colour image must be moved to fit the depth; empty: what is known of the
+  /// set. The depth is moved the other way, so that the colour stays whole.
+  std::vector<double> registration_offset_px;
+
+  void visit(OptionVisitor& v) {
+    v.field("fx_px", fx_px, {0.0, 1e5}, "px", "focal length; 0: what the set says, else 525");
+    v.field("fy_px", fy_px, {0.0, 1e5}, "px", "focal length; 0: as fx_px");
+    v.field("cx_px", cx_px, {-1.0, 1e5}, "px",
+            "principal point; -1: what the set says, else the centre");
+    v.field("cy_px", cy_px, {-1.0, 1e5}, "px",
+            "principal point; -1: what the set says, else the centre");
+    v.field("depth_unit_m", depth_unit_m, {1e-6, 1.0}, "m", "depth of one count of a depth image");
+    v.field("registration_offset_px", registration_offset_px, {0, 2}, "px",
+            "x, y: move of the colour image that makes it fit the depth, for a pair that is not "
+            "registered; empty: what is known of the set");
+  }
+  void validate() const;
+};
+
+/// Opens a folder of scans, telling its kind from its files. Throws Error that says what was looked
+/// for when it is none of these:
+///   IRI layout (weft synth)   see iri.hpp
+///   CTU                       cloA*.yaml, cloC*.png, cloD*.png
+///   pairs                     X_rgb.png + X_depth.png, X.color.jpg + X.depth.png (any of png, jpg,
+///                             ppm; rgb, color, colour)
+///   organised clouds          X.pcd
+/// A file parts.json beside the scans holds their part polygons (see parts_json.hpp).
+std::unique_ptr<Dataset> open_dataset(const std::string& folder,
+                                      const DatasetOptions& options = {});
+
+/// One image pair or one organised cloud as a data set of one scene; depth is empty for a cloud.
+std::unique_ptr<Dataset> open_scan(const std::string& colour_or_pcd, const std::string& depth,
+                                   const DatasetOptions& options = {});
 
 }  // namespace weft::dataset
