@@ -51,7 +51,7 @@ LcmUrl LcmUrl::parse(const std::string& given) {
       scheme + 3, question == std::string::npos ? std::string::npos : question - scheme - 3);
   if (!target.empty()) {
     const auto colon = target.find(':');
-    result.group = target.substr(0, colon);
+    if (colon != 0) result.group = target.substr(0, colon);
     if (colon != std::string::npos)
       result.port = number(url, "the port", target.substr(colon + 1), 1, 65535);
   }

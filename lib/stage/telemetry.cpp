@@ -47,7 +47,9 @@ Identity make_identity(const Interface& interface, const std::string& instance,
   identity.model_hash = static_cast<std::int64_t>(interface.model_hash);
   for (const auto* ports : {&interface.inputs, &interface.outputs}) {
     for (const Port& port : *ports) {
-      weft::type_fingerprint_t fingerprint;
+      weft::type_fingerprint_t fingerprint{};
+      fingerprint.direction = ports == &interface.inputs ? weft::type_fingerprint_t::INPUT
+                                                         : weft::type_fingerprint_t::OUTPUT;
       fingerprint.channel = wire_channel(channels, port.channel);
       fingerprint.type = port.type.name;
       fingerprint.fingerprint = port.type.fingerprint;
