@@ -83,6 +83,7 @@ Fabric draw_fabric(Random& r, bool held_out, const Vec3& near, const Simulation&
   } else {
     f.thread = f.base * static_cast<float>(r.uniform(0.6, 1.3));
   }
+  f.thread = mix(f.base, f.thread, static_cast<float>(r.uniform(0.4, 0.9)));
   const double button = r.uniform();
   f.button = button < 0.35   ? Vec3(f.base * static_cast<float>(r.uniform(0.5, 1.6)))
              : button < 0.7  ? colour_from_hsv(0.1, r.uniform(0.0, 0.15), r.uniform(0.75, 0.95))
@@ -351,8 +352,9 @@ float Fabric::relief_mm(int index, const Vec2& p) const {
     const float t = p.y() / crease_spacing_m, u = p.x() / (1.3f * crease_spacing_m) + 0.5f;
     const float dy = (t - static_cast<float>(floor_int(t)) - 0.5f) * crease_spacing_m;
     const float dx = (u - static_cast<float>(floor_int(u)) - 0.5f) * 1.3f * crease_spacing_m;
-    const auto ridge = [&](float d) { return std::max(0.0f, 1.0f - std::abs(d) / 0.004f); };
-    h += crease_mm * (ridge(dx) - ridge(dy));
+    const auto ridge = [](float d) { return 1.0f - smooth_step(0.0f, 0.007f, std::abs(d)); };
+    const float here = smooth_step(0.35f, 0.7f, noise(p.x() / 0.09f, p.y() / 0.09f, offset + 15));
+    h += crease_mm * here * (ridge(dx) - ridge(dy));
   }
   if (family == "knit") {
     const float column = p.x() / scale_m;

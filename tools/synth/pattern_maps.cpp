@@ -88,7 +88,7 @@ class Painter {
   void stitch(const std::vector<Vec2>& line, float offset_m) {
     float phase = 0.0f, pucker = 0.0f;
     int count = 0;
-    constexpr float kDash = 0.0027f, kPeriod = 0.0036f;
+    constexpr float kDash = 0.0024f, kPeriod = 0.0030f;
     for (std::size_t i = 0; i + 1 < line.size(); ++i) {
       const Vec2 way = line[i + 1] - line[i];
       const float length = way.norm();
@@ -101,7 +101,7 @@ class Painter {
         const float a = std::max(0.0f, s), b = std::min(length, s + kDash);
         if (b <= a) continue;
         for (cv::Mat* image : {&map_.outside, &map_.inside}) {
-          stroke(*image, {start + a * along, start + b * along}, 0.0007f,
+          stroke(*image, {start + a * along, start + b * along}, 0.0006f,
                  cv::Scalar(static_cast<double>(Material::kThread)));
         }
       }

@@ -41,6 +41,17 @@ void gaussian_blur(cv::Mat& image, double sigma) {
 
 float vec_luminance(const cv::Vec3f& v) { return luminance(Vec3(v[0], v[1], v[2])); }
 
+/// The luminance that `share` of the pixels stay below.
+double bright_level(const cv::Mat& image, double share) {
+  std::vector<float> levels;
+  for (int y = 0; y < image.rows; ++y) {
+    for (int x = 0; x < image.cols; ++x) levels.push_back(vec_luminance(image.at<cv::Vec3f>(y, x)));
+  }
+  const auto at = levels.begin() + static_cast<std::ptrdiff_t>(share * (image.total() - 1.0));
+  std::nth_element(levels.begin(), at, levels.end());
+  return static_cast<double>(*at);
+}
+
 }  // namespace
 
 cv::Mat sense_colour(const cv::Mat& radiance, const ColourSensor& s, std::uint64_t seed) {
@@ -69,7 +80,9 @@ cv::Mat sense_colour(const cv::Mat& radiance, const ColourSensor& s, std::uint64
     curve[static_cast<std::size_t>(i)] =
         s.black_level + (255.0f - s.black_level) * (t + s.contrast * (bent - t));
   }
-  const auto gain = static_cast<float>(s.mean_level / std::max(mean, 1e-6));
+  const double bright = std::max(bright_level(image, 0.97), 1e-6);
+  const auto gain = static_cast<float>(
+      std::min(s.mean_level / std::max(mean, 1e-6), static_cast<double>(s.bright_level) / bright));
   for (int y = 0; y < image.rows; ++y) {
     for (int x = 0; x < image.cols; ++x) {
       auto& v = image.at<cv::Vec3f>(y, x);

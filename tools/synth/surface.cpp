@@ -6,6 +6,7 @@
 namespace weft::synth {
 namespace {
 
+/// Edges of all faces, those of one pair of vertices next to each other.
 struct HalfEdge {
   int low, high;     // its ends
   int opposite;      // third corner of the face
@@ -14,9 +15,7 @@ struct HalfEdge {
 
 std::size_t at(int i) { return static_cast<std::size_t>(i); }
 
-}  // namespace
-
-Surface subdivide(const Surface& in, std::vector<std::array<int, 2>>& parents) {
+std::vector<HalfEdge> half_edges(const Surface& in) {
   std::vector<HalfEdge> halves;
   halves.reserve(in.faces.size() * 3);
   for (std::size_t f = 0; f < in.faces.size(); ++f) {
@@ -29,7 +28,13 @@ Surface subdivide(const Surface& in, std::vector<std::array<int, 2>>& parents) {
   std::sort(halves.begin(), halves.end(), [](const HalfEdge& a, const HalfEdge& b) {
     return std::tie(a.low, a.high, a.face) < std::tie(b.low, b.high, b.face);
   });
+  return halves;
+}
 
+}  // namespace
+
+Surface subdivide(const Surface& in, std::vector<std::array<int, 2>>& parents) {
+  const std::vector<HalfEdge> halves = half_edges(in);
   Surface out;
   const std::size_t old_count = in.position.size();
   out.position.resize(old_count);
@@ -91,6 +96,46 @@ Surface subdivide(const Surface& in, std::vector<std::array<int, 2>>& parents) {
   }
   compute_normals(out);
   return out;
+}
+
+void smooth(Surface& s, int times) {
+  const std::vector<HalfEdge> halves = half_edges(s);
+  std::vector<char> on_crease(s.position.size(), 0);
+  struct Edge {
+    int a, b;
+    bool crease;
+  };
+  std::vector<Edge> edges;
+  for (std::size_t i = 0; i < halves.size();) {
+    std::size_t end = i;
+    while (end < halves.size() && halves[end].low == halves[i].low &&
+           halves[end].high == halves[i].high) {
+      ++end;
+    }
+    edges.push_back({halves[i].low, halves[i].high, end - i != 2});
+    if (end - i != 2) on_crease[at(halves[i].low)] = on_crease[at(halves[i].high)] = 1;
+    i = end;
+  }
+  std::vector<Vec3> sum(s.position.size());
+  std::vector<int> count(s.position.size());
+  for (int step = 0; step < 2 * times; ++step) {
+    std::fill(sum.begin(), sum.end(), Vec3(Vec3::Zero()));
+    std::fill(count.begin(), count.end(), 0);
+    for (const auto& [a, b, crease] : edges) {
+      for (const auto& [to, from] : {std::pair(a, b), std::pair(b, a)}) {
+        if (on_crease[at(to)] != 0 && !crease) continue;
+        sum[at(to)] += s.position[at(from)];
+        ++count[at(to)];
+      }
+    }
+    const float share = step % 2 == 0 ? 0.5f : -0.53f;
+    for (std::size_t v = 0; v < s.position.size(); ++v) {
+      // Corners, where creases meet or end, stay.
+      if (count[v] == 0 || (on_crease[v] != 0 && count[v] != 2)) continue;
+      s.position[v] += share * (sum[v] / static_cast<float>(count[v]) - s.position[v]);
+    }
+  }
+  compute_normals(s);
 }
 
 void compute_normals(Surface& s) {

@@ -35,6 +35,10 @@ void interpolate_new(std::vector<T>& values, const std::vector<std::array<int, 2
   }
 }
 
+/// Smoothing without shrinking (Taubin 1995), `times` times: takes away ripples of the length of
+/// two edges, which cloth simulation leaves at seams. Vertices on creases move along them.
+void smooth(Surface& surface, int times);
+
 /// Area-weighted vertex normals.
 void compute_normals(Surface& surface);
 

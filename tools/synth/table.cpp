@@ -19,7 +19,7 @@ Table draw_table(Random& r) {
   const auto u = [&](double a, double b) { return static_cast<float>(r.uniform(a, b)); };
   t.speckle = u(0.0, 0.06);
   t.grain = u(0.0, 0.08);
-  t.gloss = r.uniform() < 0.5 ? u(0.0, 0.05) : u(0.05, 0.5);
+  t.gloss = r.uniform() < 0.5 ? u(0.0, 0.03) : u(0.03, 0.25);
   t.gloss_exponent = static_cast<float>(power(10.0, r.uniform(0.7, 2.2)));
   if (t.family == "grey") {
     t.base = colour_from_hsv(r.uniform(), r.uniform(0.0, 0.1), r.uniform(0.35, 0.75));
@@ -47,8 +47,8 @@ Table draw_table(Random& r) {
   const double angle = r.uniform(0.0, 2 * kPi);
   t.sine = static_cast<float>(sine(angle));
   t.cosine = static_cast<float>(cosine(angle));
-  if (r.uniform() < 0.25) {
-    t.half_size = Vec2(u(0.45, 0.9), u(0.35, 0.6));
+  if (r.uniform() < 0.15) {
+    t.half_size = Vec2(u(0.5, 1.0), u(0.4, 0.7));
     t.centre = Vec2(u(-0.15, 0.15), u(-0.1, 0.1));
     const double turn = r.uniform(0.0, 2 * kPi);
     t.edge_sine = static_cast<float>(sine(turn));

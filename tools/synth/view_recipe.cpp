@@ -98,6 +98,7 @@ ViewRecipe draw_view(Random& r, const std::vector<const Simulation*>& objects, b
 
   auto& c = v.colour;
   c.mean_level = u(0.1, 0.42);
+  c.bright_level = r.uniform() < 0.75 ? u(0.5, 0.95) : u(0.95, 2.0);
   c.balance = Vec3(u(0.82, 1.2), u(0.92, 1.08), u(0.8, 1.2));
   c.blur_px = u(0.35, 0.95);
   c.noise_grey = u(0.4, 1.1);
@@ -107,6 +108,7 @@ ViewRecipe draw_view(Random& r, const std::vector<const Simulation*>& objects, b
   c.black_level = r.uniform() < 0.5 ? 0.0f : u(-4.0, 12.0);
   c.sharpening = r.uniform() < 0.5 ? 0.0f : u(0.0, 0.6);
   c.mosaic = r.uniform() < 0.6;
+  if (c.mosaic) c.blur_px = std::max(c.blur_px, 0.55f);
   c.saturation = u(0.6, 1.15);
   c.jpeg_quality = static_cast<int>(r.integer(90, 95));
 

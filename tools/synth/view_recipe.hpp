@@ -15,7 +15,8 @@ struct CameraPose {
 };
 
 struct ColourSensor {
-  float mean_level = 0.25f;  // linear, of the exposed picture
+  float mean_level = 0.25f;   // linear, of the exposed picture
+  float bright_level = 0.9f;  // linear, upper limit of what 97 % of the picture stay below
   Vec3 balance = Vec3::Ones();
   float blur_px = 0.6f;     // standard deviation of the point spread
   float noise_grey = 0.7f;  // standard deviation at middle grey, after everything, grey levels

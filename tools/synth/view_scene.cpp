@@ -9,7 +9,7 @@ namespace weft::synth {
 namespace {
 
 constexpr double kFineEdge_m = 0.0035;  // triangles below about two pixels do not show
-constexpr float kGrid_m = 0.010;        // nodes of light on the table
+constexpr float kGrid_m = 0.007;        // nodes of light on the table
 constexpr float kShadowReach_m = 0.30;  // the table farther from the cloth than this is in the open
 
 std::size_t at(int i) { return static_cast<std::size_t>(i); }
@@ -53,6 +53,7 @@ Garment prepare_garment(Simulation simulation) {
   g.coarse.faces = simulation.faces;
   g.coarse.panel_of_face = simulation.panel_of_face;
   compute_normals(g.coarse);
+  smooth(g.coarse, 2);
   while (mean_edge_length(g.coarse) > 2 * kFineEdge_m && g.coarse.faces.size() < 100'000) {
     g.coarse = subdivide(g.coarse, g.parents);
   }
@@ -118,8 +119,8 @@ ViewScene::ViewScene(const std::vector<const Garment*>& garments, const ViewReci
   const Vec2 size = (high - low + Vec2::Constant(0.06f)) / kGrid_m;
   const int columns = std::clamp(2 + static_cast<int>(size.x()), 2, 600);
   const int rows = std::clamp(2 + static_cast<int>(size.y()), 2, 600);
-  table_light_ = cv::Mat(rows, columns, CV_32FC3);
-  table_gloss_ = cv::Mat(rows, columns, CV_32FC3);
+  table_light_ = cv::Mat(rows, columns, CV_32FC3, cv::Scalar::all(0));
+  table_gloss_ = table_light_.clone();
   cv::Mat covered(rows, columns, CV_8UC1, cv::Scalar(0));
   Vec2 near_low = Vec2::Constant(1e9f), near_high = Vec2::Constant(-1e9f);
   for (const auto& s : coarse) {
@@ -156,25 +157,28 @@ ViewScene::ViewScene(const std::vector<const Garment*>& garments, const ViewReci
       }
     }
   }
-  // Nodes under the cloth take the light of their neighbours: thin cloth has no dark seam around.
-  for (int round = 0; round < 4; ++round) {
-    cv::Mat before = covered.clone();
+  // Nodes under the cloth take the light of their neighbours, so that thin cloth has no dark seam;
+  // the others are averaged once, or nodes that happen to touch the cloth show as beads.
+  for (int round = 0; round < 5; ++round) {
+    const cv::Mat before = covered.clone();
+    const cv::Mat light_before = table_light_.clone(), gloss_before = table_gloss_.clone();
     for (int y = 0; y < rows; ++y) {
       for (int x = 0; x < columns; ++x) {
-        if (before.at<std::uint8_t>(y, x) == 0) continue;
+        if (round > 0 && before.at<std::uint8_t>(y, x) == 0) continue;
         cv::Vec3f light(0, 0, 0), gloss(0, 0, 0);
         int count = 0;
         for (int j = std::max(0, y - 1); j <= std::min(rows - 1, y + 1); ++j) {
           for (int i = std::max(0, x - 1); i <= std::min(columns - 1, x + 1); ++i) {
             if (before.at<std::uint8_t>(j, i) != 0) continue;
-            light += table_light_.at<cv::Vec3f>(j, i);
-            gloss += table_gloss_.at<cv::Vec3f>(j, i);
+            light += light_before.at<cv::Vec3f>(j, i);
+            gloss += gloss_before.at<cv::Vec3f>(j, i);
             ++count;
           }
         }
-        table_light_.at<cv::Vec3f>(y, x) = count > 0 ? light / count : cv::Vec3f(0, 0, 0);
-        table_gloss_.at<cv::Vec3f>(y, x) = count > 0 ? gloss / count : cv::Vec3f(0, 0, 0);
-        if (count > 0) covered.at<std::uint8_t>(y, x) = 0;
+        if (count == 0) continue;
+        table_light_.at<cv::Vec3f>(y, x) = light / count;
+        table_gloss_.at<cv::Vec3f>(y, x) = gloss / count;
+        covered.at<std::uint8_t>(y, x) = 0;
       }
     }
   }
@@ -200,7 +204,7 @@ float ViewScene::table_distance(const Vec3& d, bool& floor) const {
 
 Vec3 ViewScene::shade_table(const Vec3& p, bool floor) const {
   if (floor)
-    return recipe_.table.floor_albedo(p.head<2>()).cwiseProduct(recipe_.lighting.sky_base) * 0.6f;
+    return recipe_.table.floor_albedo(p.head<2>()).cwiseProduct(recipe_.lighting.sky_base) * 1.2f;
   const Vec2 node = (p.head<2>() - grid_origin_) / kGrid_m;
   return recipe_.table.albedo(p.head<2>()).cwiseProduct(bilinear(table_light_, node)) +
          bilinear(table_gloss_, node);
