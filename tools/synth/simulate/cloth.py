@@ -8,7 +8,7 @@ import numpy as np
 SCALE = 5.0
 GRAVITY = 9.81
 FRAMES_PER_SECOND = 30
-SPACING = 0.0035  # distance at which layers of cloth meet, metres
+SPACING = 0.0028  # distance at which layers of cloth meet, metres
 
 
 @dataclass

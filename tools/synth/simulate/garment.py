@@ -41,6 +41,7 @@ class Limb:
     axis: np.ndarray  # unit vector outwards
     length: float
     inward: float  # how far it may turn towards the body, radians
+    loose: float = 1.0  # how much farther than others it may turn outwards
 
 
 @dataclass

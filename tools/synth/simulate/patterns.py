@@ -23,7 +23,7 @@ def draw(kind, rng, held_out):
     result = Garment(kind, family, held_out, {})
     function(result, rng, family)
     for limb in list(result.limbs):
-        result.limbs.append(Limb(limb.mask[::-1] * [-1, 1], limb.pivot * [-1, 1], limb.axis * [-1, 1], limb.length, limb.inward))
+        result.limbs.append(Limb(limb.mask[::-1] * [-1, 1], limb.pivot * [-1, 1], limb.axis * [-1, 1], limb.length, limb.inward, limb.loose))
     result.cut = {k: v if isinstance(v, str) else round(float(v), 5) for k, v in result.cut.items()}
     return result
 
@@ -136,8 +136,23 @@ class Torso:
         top = g.points((x - w / 2, y + h / 2 - 0.02), (x + w / 2, y + h / 2 - 0.02))
         r.stitch("front", top)
 
-    def front_line(self, slit_gap=0.0):
+    def front_line(self):
         return self.length - self.dip
+
+    def placket(self, r, width, bottom, slit, gap):
+        """Both sides of the opening, which is `gap` wide at the neck and closes `slit` below it."""
+        top = self.front_line()
+        half = width / 2
+        sides = g.points((half, bottom), (half, top - slit), (half + gap / 2, top))
+        r.draw("placket", "front", polygon=np.r_[sides, g.mirror(sides)], height_m=0.0015)
+        for sign in (1, -1):
+            r.stitch("front", (sides - [0.003, 0]) * [sign, 1])
+
+    def buttons(self, r, ys, slit, gap, radius):
+        """On one side of the opening where it is open."""
+        for y in ys:
+            ajar = gap / 2 * max(0.0, 1 - (self.front_line() - y) / slit)
+            r.draw("button", "front", center=[ajar + 1.6 * radius if ajar > 0 else 0.0, y], radius_m=radius)
 
     def collar(self, r, rng, size, width, point, spread):
         """Leaf folded over at the neckline: left and right front, and back; free at its outer edge."""
@@ -247,11 +262,9 @@ def polo(r, rng, family):
     t.panels(r, slit, gap)
     t.collar(r, rng, size, rng.uniform(0.05, 0.065), rng.uniform(0.06, 0.085), math.radians(rng.uniform(15, 50)))
     width = rng.uniform(0.026, 0.036)
-    placket = g.rectangle(0, y - length / 2, width, length)
-    r.draw("placket", "front", polygon=placket, height_m=0.0015)
-    r.stitch("front", g.points((-width / 2 + 0.002, y), (-width / 2 + 0.002, y - length + 0.002), (width / 2 - 0.002, y - length + 0.002), (width / 2 - 0.002, y)))
-    for b in ys:
-        r.draw("button", "front", center=[0.006, b], radius_m=rng.uniform(0.0045, 0.0065))
+    t.placket(r, width, y - length, slit, gap)
+    r.stitch("front", g.points((-width / 2, y - length + 0.002), (width / 2, y - length + 0.002)))
+    t.buttons(r, ys, slit, gap, rng.uniform(0.0045, 0.0065))
     cuff = rng.uniform(0.018, 0.03)
     kind = "rib" if rng.random() < 0.7 else "hem"
     for edge in ("cuff_left", "cuff_right"):
@@ -277,16 +290,14 @@ def shirt(r, rng, family):
     first = y - rng.uniform(0.012, 0.03)
     ys = np.arange(first, 0.08, -pitch)
     undone = int(rng.integers(0, 3))
-    t.panels(r, max(0.03, y - ys[undone] - 0.01), gap)
+    slit = max(0.03, y - ys[undone] - 0.01)
+    t.panels(r, slit, gap)
     point = rng.uniform(0.095, 0.13) if family == "long-point" else rng.uniform(0.07, 0.09)
     t.collar(r, rng, size, rng.uniform(0.05, 0.06), point, math.radians(rng.uniform(12, 50)))
     width = rng.uniform(0.028, 0.038)
-    r.draw("placket", "front", polygon=g.points((-width / 2, 0), (width / 2, 0), (width / 2, y), (-width / 2, y)), height_m=0.0015)
-    for x in (-width / 2 + 0.004, width / 2 - 0.004):
-        r.stitch("front", g.points((x, 0), (x, y)))
+    t.placket(r, width, 0.0, slit, gap)
     radius = rng.uniform(0.005, 0.0065)
-    for b in ys:
-        r.draw("button", "front", center=[0.0, b], radius_m=radius)
+    t.buttons(r, ys, slit, gap, radius)
     cuff = rng.uniform(0.055, 0.075) if sleeve == "long" else rng.uniform(0.022, 0.035)
     for side in ("left", "right"):
         r.hem(f"cuff_{side}", cuff, "hem", 1)
@@ -448,7 +459,7 @@ def jeans(r, rng, family):
     r.panels += [Panel("front", "front", 0, 0.5, outline(True)), Panel("back", "back", 0, -0.5, outline(False))]
     mask = g.points((0.0005, -0.05), (0.6, -0.05), (0.6, crotch), (0.0005, crotch))
     axis = np.array([middle - 0.4 * hip, -crotch])
-    r.limbs.append(Limb(mask, np.array([0.45 * hip, crotch]), axis / np.linalg.norm(axis), crotch, 0.0))
+    r.limbs.append(Limb(mask, np.array([0.45 * hip, crotch]), axis / np.linalg.norm(axis), crotch, 0.0, 1.8 if long else 1.0))
 
     half_x = lambda y: float(np.interp(y, out[:, 1], out[:, 0]))
     lower = line - [0, band]  # lower border of the waistband, middle to the left: x from waist to 0
@@ -464,7 +475,7 @@ def jeans(r, rng, family):
         at = lambda x: float(np.interp(x, whole[::-1, 0], whole[::-1, 1]))
         for x in (-0.55 * waist, 0.55 * waist) if panel == "front" else (-0.62 * waist, 0.0, 0.62 * waist):
             r.draw("belt-loop", panel, polygon=g.rectangle(x, at(x) - band / 2, rng.uniform(0.010, 0.013), band + 0.012), height_m=0.003)
-    r.draw("button", "front", center=[0.0, line[-1, 1] - band / 2], radius_m=rng.uniform(0.007, 0.0095))
+    r.draw("button", "front", center=[gap / 2 + 0.01 if open_fly else 0.0, line[-1, 1] - band / 2], radius_m=rng.uniform(0.007, 0.0095))
     centre = lower[-1, 1]
     # Front pockets: the opening's curve from the waistband to the side seam.
     x0 = waist * rng.uniform(0.5, 0.68)

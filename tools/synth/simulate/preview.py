@@ -70,7 +70,7 @@ def _albedo(header, panel, xy, inside_face):
 
 def picture(header, arrays):
     pose, pattern, faces, panel = (arrays[k] for k in ("pose", "pattern", "faces", "panel"))
-    n = 10
+    n = int(np.ceil(2.0 * header["quality"]["edge_m"] / PIXEL))
     i, j = np.meshgrid(np.arange(n + 1), np.arange(n + 1))
     keep = i + j <= n
     b = np.stack([i[keep], j[keep], n - i[keep] - j[keep]], axis=1) / n

@@ -27,7 +27,7 @@ def _turn_limbs(p, mesh, garment, rng, most):
     for limb in garment.limbs:
         mask = g.inside(mesh.pattern, limb.mask)
         outward = math.copysign(1.0, limb.pivot[0])
-        root = rng.uniform(-min(most, limb.inward), most)
+        root = rng.uniform(-min(most, limb.inward), most * limb.loose)
         bends = [(limb.pivot, outward * root)]
         if limb.length > 0.4:
             elbow = limb.pivot + limb.axis * limb.length * rng.uniform(0.4, 0.6)
@@ -64,7 +64,7 @@ def _ripple(p, rng, squeeze):
     wave = rng.uniform(0.08, 0.22)
     xy = p[:, :2]
     phase = 2 * math.pi * (xy @ d) / wave + 1.5 * _noise(xy, rng, 2.5 * wave)
-    strength = np.clip(0.6 + 0.6 * _noise(xy, rng, 0.4), 0, 1.4)
+    strength = np.clip(0.6 + 0.5 * _noise(xy, rng, 0.4), 0, 1.1)
     q = p.copy()
     q[:, :2] -= squeeze * (xy @ d)[:, None] * d
     # A sine of amplitude a shortens its wave by the share (pi a / wave)^2.
