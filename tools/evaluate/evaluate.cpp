@@ -11,6 +11,7 @@
 #include "base/error.hpp"
 #include "base/hash.hpp"
 #include "base/settings.hpp"
+#include "dataset/augment.hpp"
 #include "evaluate/judge.hpp"
 #include "evaluation/part_picture.hpp"
 #include "evaluation/part_report.hpp"
@@ -23,6 +24,7 @@ struct PartsCommand {
                        pictures, settings_file;
   std::vector<std::string> assignments;
   Selection selection;
+  dataset::AugmentOptions augment;
   bool live = false;
   double draw_from = 0.5;
   int threads = 0;
@@ -39,8 +41,9 @@ void add_options(CLI::App& app, PartsCommand& command) {
   app.add_option("--scene", command.selection.scenes, "only these scenes");
   app.add_flag("--easy", command.selection.easy, "only the Easy subset");
   app.add_flag("--several", command.selection.several, "also scenes with several garments");
-  app.add_flag("--rotations", command.selection.rotations,
-               "each scene in 8 rotations by 45 degrees, mirrored as well");
+  app.add_option("--rotations", command.augment.rotations,
+                 "show each scene in so many rotations, evenly spread");
+  app.add_flag("--mirror", command.augment.mirror, "show each of them mirrored as well");
   app.add_flag("--live", command.live, "segment the garment, even where the dataset has masks");
   app.add_option("--settings", command.settings_file, "YAML file of detector settings");
   app.add_option("--set", command.assignments, "key=value, e.g. score.peaks.max_peaks=5");
@@ -53,7 +56,8 @@ void add_options(CLI::App& app, PartsCommand& command) {
 }
 
 int evaluate_parts(const PartsCommand& command) {
-  const auto data = dataset::open_dataset(command.dataset);
+  command.augment.validate();
+  const auto data = dataset::augment(dataset::open_dataset(command.dataset), command.augment);
   if (!command.pictures.empty()) std::filesystem::create_directories(command.pictures);
   const Observer observer =
       command.pictures.empty()

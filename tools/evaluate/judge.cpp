@@ -7,38 +7,17 @@
 
 #include "base/error.hpp"
 #include "base/parallel.hpp"
+#include "dataset/augment.hpp"
 #include "foreground/foreground.hpp"
 #include "messages/detections.hpp"
 #include "messages/foreground.hpp"
 #include "messages/rgbd.hpp"
-#include "rgbd/augment.hpp"
 #include "stage/log.hpp"
 
 namespace weft::evaluate {
 namespace {
 
 using evaluation::JudgedImage;
-
-std::vector<rgbd::Augmentation> augmentations(bool rotations) {
-  if (!rotations) return {rgbd::Augmentation{}};
-  std::vector<rgbd::Augmentation> all;
-  for (int degrees = 0; degrees < 360; degrees += 45) {
-    for (const bool mirror : {false, true}) all.push_back({degrees, mirror});
-  }
-  return all;
-}
-
-std::vector<dataset::PartPolygon> moved(std::vector<dataset::PartPolygon> polygons,
-                                        const rgbd::Augmentation& augmentation,
-                                        const rgbd::CameraModel& camera) {
-  for (auto& polygon : polygons) {
-    for (auto& point : polygon.points) {
-      const auto p = rgbd::augment_point({point.x, point.y}, augmentation, camera);
-      point = {static_cast<float>(p.x()), static_cast<float>(p.y())};
-    }
-  }
-  return polygons;
-}
 
 using FrameName = std::tuple<std::string, std::int64_t, std::int64_t>;
 
@@ -52,70 +31,67 @@ bool decode(const stage::LogEvent& event, Message& message) {
 
 }  // namespace
 
+bool Selection::wants_name(const std::string& name) const {
+  return scenes.empty() || std::find(scenes.begin(), scenes.end(),
+                                     dataset::parse_augmented_name(name).first) != scenes.end();
+}
+
 bool Selection::wants(const dataset::Scene& scene) const {
-  if (!split.empty() && scene.split != split) return false;
-  if (easy && !scene.easy) return false;
-  if (!several && !scene.single) return false;
-  return scenes.empty() || std::find(scenes.begin(), scenes.end(), scene.name) != scenes.end();
+  return wants_name(scene.name) && (split.empty() || scene.split == split) &&
+         (!easy || scene.easy) && (several || scene.single);
 }
 
 JudgedByMode judge_dataset(const dataset::Dataset& data, const detector::Detector& detector,
                            const Selection& selection, bool live, int threads, int& failed,
                            const Report& report, const Note& note, const Observer& observer) {
   const auto& names = data.names();
-  const auto variants = augmentations(selection.rotations);
   struct Result {
     JudgedImage image;
     std::vector<detector::PartPrior> priors;
   };
-  std::vector<std::vector<Result>> results(names.size());
+  std::vector<std::optional<Result>> results(names.size());
   std::mutex mutex;
   std::atomic<int> next{0};
   int done = 0;
   failed = 0;
+  const auto problem = [&](const std::string& text) {
+    const std::lock_guard lock(mutex);
+    ++failed;
+    note(text);
+  };
+  const auto judge = [&](std::size_t at) {
+    if (!selection.wants_name(names[at])) return;
+    const auto scene = data.read(at);
+    if (!selection.wants(scene)) return;
+    Result result;
+    result.image.name = scene.name;
+    result.image.truth = scene.polygons;
+    try {
+      foreground::ForegroundOptions options;
+      if (!live && !scene.frame.mask.empty()) {
+        options.mode = foreground::Foreground::Source::kDataset;
+      }
+      const auto foreground = foreground::find_foreground(scene.frame, options);
+      result.image.mask = foreground.mask;
+      auto detected = detector.detect(scene.frame, foreground.mask,
+                                      foreground.table ? &*foreground.table : nullptr, 1);
+      result.image.detections = std::move(detected.detections);
+      result.priors = std::move(detected.priors);
+    } catch (const Error& error) {
+      problem(scene.name + ": " + error.what());
+    }
+    if (observer) {
+      const std::lock_guard lock(mutex);
+      observer(result.image, scene.frame.colour);
+    }
+    results[at] = std::move(result);
+  };
   parallel_for(threads, threads, [&](int, int) {
     for (int i = next++; i < static_cast<int>(names.size()); i = next++) {
-      const auto at = static_cast<std::size_t>(i);
       try {
-        const auto& wanted = selection.scenes;
-        const bool named =
-            wanted.empty() || std::find(wanted.begin(), wanted.end(), names[at]) != wanted.end();
-        if (named) {
-          const auto scene = data.read(at);
-          if (selection.wants(scene)) {
-            for (const auto& variant : variants) {
-              Result result;
-              result.image.name = scene.name + rgbd::suffix(variant);
-              const auto frame = rgbd::augment(scene.frame, variant);
-              result.image.truth = moved(scene.polygons, variant, scene.frame.camera);
-              try {
-                foreground::ForegroundOptions options;
-                if (!live && !frame.mask.empty()) {
-                  options.mode = foreground::Foreground::Source::kDataset;
-                }
-                const auto foreground = foreground::find_foreground(frame, options);
-                result.image.mask = foreground.mask;
-                auto detected = detector.detect(frame, foreground.mask,
-                                                foreground.table ? &*foreground.table : nullptr, 1);
-                result.image.detections = std::move(detected.detections);
-                result.priors = std::move(detected.priors);
-              } catch (const Error& error) {
-                const std::lock_guard lock(mutex);
-                ++failed;
-                note(result.image.name + ": " + error.what());
-              }
-              if (observer) {
-                const std::lock_guard lock(mutex);
-                observer(result.image, frame.colour);
-              }
-              results[at].push_back(std::move(result));
-            }
-          }
-        }
+        judge(static_cast<std::size_t>(i));
       } catch (const Error& error) {
-        const std::lock_guard lock(mutex);
-        ++failed;
-        note("left out: " + std::string(error.what()));
+        problem("left out: " + std::string(error.what()));
       }
       const std::lock_guard lock(mutex);
       report(++done, static_cast<int>(names.size()));
@@ -125,21 +101,20 @@ JudgedByMode judge_dataset(const dataset::Dataset& data, const detector::Detecto
   // Soft and hard follow from one search of all parts: a prior scales every score of its part, or
   // leaves the part out.
   JudgedByMode judged;
-  for (auto& scene : results) {
-    for (auto& result : scene) {
-      auto soft = result.image, hard = result.image;
-      const auto prior_of = [&](const detector::Detection& d) {
-        return *std::find_if(result.priors.begin(), result.priors.end(),
-                             [&](const detector::PartPrior& p) { return p.part == d.part; });
-      };
-      for (auto& d : soft.detections) d.probability *= prior_of(d).probability;
-      std::erase_if(hard.detections, [&](const detector::Detection& d) {
-        return prior_of(d).probability < prior_of(d).threshold;
-      });
-      judged["off"].push_back(std::move(result.image));
-      judged["soft"].push_back(std::move(soft));
-      judged["hard"].push_back(std::move(hard));
-    }
+  for (auto& result : results) {
+    if (!result) continue;
+    auto soft = result->image, hard = result->image;
+    const auto prior_of = [&](const detector::Detection& d) {
+      return *std::find_if(result->priors.begin(), result->priors.end(),
+                           [&](const detector::PartPrior& p) { return p.part == d.part; });
+    };
+    for (auto& d : soft.detections) d.probability *= prior_of(d).probability;
+    std::erase_if(hard.detections, [&](const detector::Detection& d) {
+      return prior_of(d).probability < prior_of(d).threshold;
+    });
+    judged["off"].push_back(std::move(result->image));
+    judged["soft"].push_back(std::move(soft));
+    judged["hard"].push_back(std::move(hard));
   }
   return judged;
 }
@@ -192,26 +167,16 @@ std::vector<JudgedImage> judge_log(const std::string& log, const std::string& ch
   for (const auto& damage : reader.damage()) note(log + ": " + damage.what);
   if (order.empty()) throw Error(log + " holds no RGBD_FRAME");
 
-  std::map<std::string, dataset::Scene> scenes;
   std::vector<JudgedImage> images;
   failed = 0;
   for (const auto& name : order) {
     auto& frame = frames[name];
-    const auto [scene_name, augmentation] = rgbd::parse_source(frame.source);
-    if (!scenes.contains(scene_name)) {
-      const auto& names = data.names();
-      const auto found = std::find(names.begin(), names.end(), scene_name);
-      if (found == names.end()) {
-        throw Error("the frame '" + frame.source + "' of " + log +
-                    " is not a scene of this dataset; give the dataset the log was made from");
-      }
-      scenes[scene_name] = data.read(static_cast<std::size_t>(found - names.begin()));
-    }
-    const auto& scene = scenes.at(scene_name);
+    if (!selection.wants_name(frame.source)) continue;
+    const auto scene = dataset::read_scene(data, frame.source);
     if (!selection.wants(scene)) continue;
     JudgedImage image;
     image.name = frame.source;
-    image.truth = moved(scene.polygons, augmentation, scene.frame.camera);
+    image.truth = scene.polygons;
     image.mask = frame.mask;
     if (frame.detections) {
       image.detections = std::move(*frame.detections);

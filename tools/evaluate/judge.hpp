@@ -14,11 +14,12 @@ namespace weft::evaluate {
 
 struct Selection {
   std::string split;                // only scenes of this split; empty: all
-  std::vector<std::string> scenes;  // only these; empty: all
+  std::vector<std::string> scenes;  // only these, in all their rotations; empty: all
   bool easy = false;                // only the Easy subset
   bool several = false;             // also scenes with several garments
-  bool rotations = false;           // 8 rotations by 45 degrees, each mirrored as well
 
+  /// name: of the scene, with or without the suffix of an augmentation.
+  bool wants_name(const std::string& name) const;
   bool wants(const dataset::Scene& scene) const;
 };
 
