@@ -6,6 +6,7 @@
 
 #include "base/blob.hpp"
 #include "base/error.hpp"
+#include "detector/blocks.hpp"
 
 namespace weft::detector {
 namespace {
@@ -83,6 +84,20 @@ void slide(const std::uint16_t* cells, int stride, int positions_u, int position
   }
 }
 
+// What the loops below rely on.
+void check_cells(const bovw::WordGrid& grid) {
+  if (grid.columns < 0 || grid.rows < 0 || !(grid.step_px > 0.0) ||
+      static_cast<std::int64_t>(grid.columns) * grid.rows > kMaxGridCells ||
+      grid.cells.size() !=
+          static_cast<std::size_t>(grid.columns) * static_cast<std::size_t>(grid.rows)) {
+    throw Error("the word grid of " + grid.descriptor + " has an impossible size");
+  }
+  for (const auto cell : grid.cells) {
+    if (cell < bovw::WordGrid::kOutsideMask || cell >= grid.vocabulary_size)
+      throw Error("the word grid of " + grid.descriptor + " holds a word that does not exist");
+  }
+}
+
 std::vector<std::string> split_lines(const std::string& text) {
   std::vector<std::string> lines;
   std::size_t begin = 0;
@@ -109,12 +124,7 @@ std::vector<std::int32_t> quantise_weights(std::span<const double> weights) {
 
 void ScoreModel::validate(const std::string& where) const {
   const auto fail = [&](const std::string& reason) { throw Error(where + ": " + reason); };
-  if (blocks.empty() || blocks.size() > 8) fail("expected 1 to 8 histogram blocks");
-  for (const auto& block : blocks) {
-    if (block.words < 1 || block.words > 32767)
-      fail("block " + block.descriptor + " has " + std::to_string(block.words) + " words");
-    if (block.descriptor.find('\n') != std::string::npos) fail("a descriptor's name has two lines");
-  }
+  validate_blocks(blocks, where);
   if (parts.empty() || parts.size() > 1000) fail("expected 1 to 1000 parts");
   if (min_words < 1) fail("min_words is " + std::to_string(min_words) + "; expected at least 1");
   for (const auto& part : parts) {
@@ -146,11 +156,7 @@ ScoreModel ScoreModel::read(const std::string& path) {
   model.hash = blob.hash();
   model.norm = static_cast<HistogramNorm>(blob.integer("norm", 0, 2));
   model.min_words = static_cast<int>(blob.integer("min_words", 1, 1 << 20));
-  const auto descriptors = split_lines(blob.text("blocks"));
-  const auto hashes = blob.values<std::int64_t>("vocabulary_hashes", descriptors.size());
-  const auto words = blob.values<std::int32_t>("words", descriptors.size());
-  for (std::size_t b = 0; b < descriptors.size(); ++b)
-    model.blocks.push_back({descriptors[b], static_cast<std::uint64_t>(hashes[b]), words[b]});
+  model.blocks = read_blocks(blob);
   const auto parts = split_lines(blob.text("parts"));
   const auto biases = blob.values<double>("biases", parts.size());
   for (std::size_t p = 0; p < parts.size(); ++p) {
@@ -158,7 +164,7 @@ ScoreModel ScoreModel::read(const std::string& path) {
     part.part = parts[p];
     part.bias = biases[p];
     const std::string prefix = "part/" + std::to_string(p) + "/";
-    for (std::size_t b = 0; b < descriptors.size(); ++b)
+    for (std::size_t b = 0; b < model.blocks.size(); ++b)
       part.weights.push_back(blob.values<std::int32_t>(prefix + "weights/" + std::to_string(b)));
     const auto shapes = blob.values<double>(prefix + "shapes");
     if (shapes.size() % 2 != 0) blob.fail("section '" + prefix + "shapes' has an odd size");
@@ -175,15 +181,9 @@ void ScoreModel::write(const std::string& path) const {
   BlobWriter blob("score model", 1);
   blob.add_number("norm", static_cast<std::int64_t>(norm));
   blob.add_number("min_words", static_cast<std::int64_t>(min_words));
-  std::string names, descriptors;
-  std::vector<std::int64_t> hashes;
-  std::vector<std::int32_t> words;
+  write_blocks(blob, blocks);
+  std::string names;
   std::vector<double> biases;
-  for (const auto& block : blocks) {
-    descriptors += block.descriptor + "\n";
-    hashes.push_back(static_cast<std::int64_t>(block.vocabulary_hash));
-    words.push_back(block.words);
-  }
   for (std::size_t p = 0; p < parts.size(); ++p) {
     names += parts[p].part + "\n";
     biases.push_back(parts[p].bias);
@@ -197,9 +197,6 @@ void ScoreModel::write(const std::string& path) const {
     }
     blob.add(prefix + "shapes", shapes);
   }
-  blob.add("blocks", descriptors);
-  blob.add("vocabulary_hashes", hashes);
-  blob.add("words", words);
   blob.add("parts", names);
   blob.add("biases", biases);
   blob.write(path);
@@ -229,45 +226,10 @@ double window_score(const ScoreModel& model, int part,
   return total < model.min_words ? kNone : score;
 }
 
-void check_grids(const ScoreModel& model, std::span<const bovw::WordGrid* const> grids) {
-  if (grids.size() != model.blocks.size()) {
-    throw Error(std::to_string(grids.size()) + " word grids for a model of " +
-                std::to_string(model.blocks.size()) + " descriptors; set the word channels to its");
-  }
-  const auto& first = *grids.front();
-  for (std::size_t b = 0; b < grids.size(); ++b) {
-    const auto& grid = *grids[b];
-    const auto& block = model.blocks[b];
-    if (grid.descriptor != block.descriptor || grid.vocabulary_hash != block.vocabulary_hash ||
-        grid.vocabulary_size != block.words) {
-      throw Error("the words of " + grid.descriptor + " (" + std::to_string(grid.vocabulary_size) +
-                  " words) are not of the vocabulary the model was trained with, " +
-                  block.descriptor + " (" + std::to_string(block.words) +
-                  " words); give both stages models of one training");
-    }
-    if (grid.columns < 0 || grid.rows < 0 || !(grid.step_px > 0.0) ||
-        static_cast<std::int64_t>(grid.columns) * grid.rows > kMaxGridCells ||
-        grid.cells.size() !=
-            static_cast<std::size_t>(grid.columns) * static_cast<std::size_t>(grid.rows)) {
-      throw Error("the word grid of " + grid.descriptor + " has an impossible size");
-    }
-    for (const auto cell : grid.cells) {
-      if (cell < bovw::WordGrid::kOutsideMask || cell >= grid.vocabulary_size)
-        throw Error("the word grid of " + grid.descriptor + " holds a word that does not exist");
-    }
-    if (grid.columns != first.columns || grid.rows != first.rows || grid.step_px != first.step_px ||
-        grid.origin_x != first.origin_x || grid.origin_y != first.origin_y ||
-        grid.view.width != first.view.width || grid.view.height != first.view.height ||
-        grid.view.sensor_from_view != first.view.sensor_from_view) {
-      throw Error("the word grids of " + first.descriptor + " and " + grid.descriptor +
-                  " do not coincide; describe both with the same view and grid settings");
-    }
-  }
-}
-
 WindowScorer::WindowScorer(const ScoreModel& model, std::span<const bovw::WordGrid* const> grids)
     : model_(model), grids_(grids.begin(), grids.end()) {
-  check_grids(model, grids);
+  check_grids(model.blocks, grids, "score model");
+  for (const auto* each : grids_) check_cells(*each);
   int left = grid().columns, top = grid().rows, right = 0, bottom = 0;
   for (const auto* each : grids_) {
     const auto box = bovw::mask_bounds(*each);

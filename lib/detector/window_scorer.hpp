@@ -66,9 +66,6 @@ struct ScoreModel {
 double window_score(const ScoreModel& model, int part,
                     std::span<const std::vector<std::int32_t>> counts);
 
-/// Throws Error when the grids do not agree with the model's blocks or with each other in geometry.
-void check_grids(const ScoreModel& model, std::span<const bovw::WordGrid* const> grids);
-
 /// Scores of all windows of one shape whose centre cell, first + size / 2 rounded down, lies in the
 /// bounds of the mask. Windows may overhang the grid.
 struct WindowScores {
@@ -81,7 +78,8 @@ struct WindowScores {
 /// The word grids of one frame, laid out for sliding windows.
 class WindowScorer {
  public:
-  /// model and grids must outlive the scorer. One grid a block of the model.
+  /// model and grids must outlive the scorer. One grid a block of the model, all over the same
+  /// points; throws Error when they are not, or hold words that do not exist.
   WindowScorer(const ScoreModel& model, std::span<const bovw::WordGrid* const> grids);
 
   /// shape is at most as large as the largest of the model. May be called from several threads at
