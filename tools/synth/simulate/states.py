@@ -73,16 +73,14 @@ def _ripple(p, rng, squeeze):
 
 
 def _fold(p, mask, point, normal, radius):
-    """Roll what lies beyond the line through `point` over the rest; the middle layer keeps its length."""
+    """Roll what lies beyond the line through `point` over the rest, without stretching it."""
     s = (p[:, :2] - point) @ normal
-    low, high = p[mask, 2].min(), p[mask, 2].max()
-    axis_z = high + radius
-    turn = axis_z - (low + high) / 2
+    axis_z = p[:, 2].max() + radius
     r = axis_z - p[:, 2]
-    theta = s / turn
+    theta = s / axis_z
     bend = mask & (s > 0) & (theta < math.pi)
     over = mask & (theta >= math.pi)
-    new_s = np.where(bend, r * np.sin(theta), np.where(over, -(s - math.pi * turn), s))
+    new_s = np.where(bend, r * np.sin(theta), np.where(over, -(s - math.pi * axis_z), s))
     q = p.copy()
     q[:, :2] += (new_s - s)[:, None] * normal
     q[:, 2] = np.where(bend, axis_z - r * np.cos(theta), np.where(over, axis_z + r, p[:, 2]))

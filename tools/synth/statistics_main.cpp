@@ -1,0 +1,89 @@
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <cstdio>
+#include <functional>
+
+#include "base/error.hpp"
+#include "synth/statistics.hpp"
+
+namespace {
+
+using weft::synth::ScanStatistics;
+
+struct Row {
+  const char* name;
+  std::function<double(const ScanStatistics&)> value;
+};
+
+const std::vector<Row>& rows() {
+  static const std::vector<Row> table = {
+      {"colour mean, grey levels", [](const auto& s) { return s.colour_mean; }},
+      {"saturated pixels, %", [](const auto& s) { return 100 * s.saturated_share; }},
+      {"colour noise, grey levels", [](const auto& s) { return s.colour_noise; }},
+      {"SIFT norm decile 1, x1000", [](const auto& s) { return 1000 * s.gradient[0]; }},
+      {"SIFT norm median, x1000", [](const auto& s) { return 1000 * s.gradient[1]; }},
+      {"SIFT norm decile 9, x1000", [](const auto& s) { return 1000 * s.gradient[2]; }},
+      {"  on parts, decile 1", [](const auto& s) { return 1000 * s.gradient_of_parts[0]; }},
+      {"  on parts, median", [](const auto& s) { return 1000 * s.gradient_of_parts[1]; }},
+      {"  on parts, decile 9", [](const auto& s) { return 1000 * s.gradient_of_parts[2]; }},
+      {"depth median, m", [](const auto& s) { return s.depth_median_m; }},
+      {"depth noise, mm", [](const auto& s) { return s.depth_noise_mm; }},
+      {"depth noise / z^2, mm/m^2",
+       [](const auto& s) {
+         return s.depth_noise_mm / std::max(1e-6, s.depth_median_m * s.depth_median_m);
+       }},
+      {"depth step / z^2, mm/m^2",
+       [](const auto& s) {
+         return s.depth_step_mm / std::max(1e-6, s.depth_median_m * s.depth_median_m);
+       }},
+      {"noise correlation at 1 px", [](const auto& s) { return s.depth_correlation[0]; }},
+      {"noise correlation at 4 px", [](const auto& s) { return s.depth_correlation[1]; }},
+      {"noise correlation at 8 px", [](const auto& s) { return s.depth_correlation[2]; }},
+      {"missing depth, %", [](const auto& s) { return 100 * s.missing_share; }},
+      {"missing depth on parts, %", [](const auto& s) { return 100 * s.missing_of_parts; }},
+  };
+  return table;
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  CLI::App app(
+      "Compare the statistics of data sets, synthetic and real: per scene, then the 10 %, 50 % and "
+      "90 % quantiles over the scenes");
+  std::vector<std::string> folders;
+  std::size_t limit = 100;
+  app.add_option("folders", folders, "data sets")->required();
+  app.add_option("--limit", limit, "scenes read of each, evenly chosen");
+  CLI11_PARSE(app, argc, argv);
+  std::vector<std::vector<ScanStatistics>> all;
+  for (const auto& folder : folders) {
+    std::vector<ScanStatistics> scenes;
+    try {
+      const auto dataset = weft::dataset::open_dataset(folder);
+      const std::size_t total = dataset->names().size(), count = std::min(limit, total);
+      for (std::size_t k = 0; k < count; ++k) {
+        scenes.push_back(weft::synth::scan_statistics(dataset->read(k * total / count)));
+      }
+    } catch (const weft::Error& error) {
+      std::fprintf(stderr, "weft-synth-statistics: %s\n", error.what());
+      return 2;
+    }
+    std::printf("%s: %zu scenes\n", folder.c_str(), scenes.size());
+    all.push_back(std::move(scenes));
+  }
+  for (const auto& row : rows()) {
+    std::printf("%-28s", row.name);
+    for (const auto& scenes : all) {
+      std::vector<double> values;
+      for (const auto& s : scenes) values.push_back(row.value(s));
+      std::sort(values.begin(), values.end());
+      const auto at = [&](double share) {
+        return values[static_cast<std::size_t>(share * static_cast<double>(values.size() - 1))];
+      };
+      std::printf(" | %7.2f %7.2f %7.2f", at(0.1), at(0.5), at(0.9));
+    }
+    std::printf("\n");
+  }
+  return 0;
+}
