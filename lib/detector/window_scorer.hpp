@@ -66,9 +66,6 @@ struct ScoreModel {
 double window_score(const ScoreModel& model, int part,
                     std::span<const std::vector<std::int32_t>> counts);
 
-/// Throws Error when the grids do not agree with the model's blocks or with each other in geometry.
-void check_grids(const ScoreModel& model, std::span<const bovw::WordGrid* const> grids);
-
 /// Scores of all windows of one shape whose centre cell, first + size / 2 rounded down, lies in the
 /// bounds of the mask. Windows may overhang the grid.
 struct WindowScores {
@@ -81,26 +78,48 @@ struct WindowScores {
 /// The word grids of one frame, laid out for sliding windows.
 class WindowScorer {
  public:
-  /// model and grids must outlive the scorer. One grid a block of the model.
+  /// model and grids must outlive the scorer. One grid a block of the model, all over the same
+  /// points; throws Error when they are not, or hold words that do not exist.
   WindowScorer(const ScoreModel& model, std::span<const bovw::WordGrid* const> grids);
 
-  /// May be called from several threads at once. The time does not depend on the vocabulary size
-  /// but for clearing one histogram.
+  /// shape is at most as large as the largest of the model. May be called from several threads at
+  /// once. The time does not depend on the vocabulary size but for clearing one histogram.
   WindowScores score(int part, const WindowShape& shape) const;
 
   const ScoreModel& model() const { return model_; }
   const bovw::WordGrid& grid() const { return *grids_.front(); }
+  /// Whether a cell (row * columns + column) is inside the mask in any of the grids.
+  bool in_mask(std::size_t cell) const {
+    for (const auto* each : grids_) {
+      if (each->cells[cell] != bovw::WordGrid::kOutsideMask) return true;
+    }
+    return false;
+  }
+  /// The smallest box that holds the cells inside the mask.
+  const bovw::CellBox& bounds() const { return bounds_; }
 
  private:
-  // A block's words, padded with "no word" so that windows may overhang.
+  // A block's words inside the mask's bounds, padded with "no word" so that windows may overhang.
   struct Layout {
     std::vector<std::uint16_t> by_row, by_column;
-    std::vector<std::int32_t> count_integral;
+    std::vector<std::int32_t> counts;  // summed-area table
   };
+  // Sum over a box from a summed-area table of the padded layout.
+  template <class T>
+  T box_sum(const std::vector<T>& table, int column, int row, int wide, int high) const {
+    const auto at = [&](int c, int r) {
+      return table[static_cast<std::size_t>(r * (columns_ + 1) + c)];
+    };
+    return at(column + wide, row + high) - at(column, row + high) - at(column + wide, row) +
+           at(column, row);
+  }
   const ScoreModel& model_;
   std::vector<const bovw::WordGrid*> grids_;
-  bovw::CellBox bounds_;
-  std::vector<Layout> layouts_;
+  bovw::CellBox bounds_;                  // of the mask
+  int pad_columns_ = 0, pad_rows_ = 0;    // around the bounds: the largest window
+  int columns_ = 0, rows_ = 0;            // of the layouts: bounds and padding
+  std::vector<Layout> layouts_;           // a block each
+  std::vector<std::int32_t> root_steps_;  // sqrt(h + 1) - sqrt(h), fixed point
 };
 
 }  // namespace weft::detector

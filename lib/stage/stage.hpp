@@ -99,6 +99,11 @@ MessageType message_type() {
     return static_cast<Message*>(message)->status;
   };
   if constexpr (Partitioned<Message>) {
+    type.make = []() -> std::shared_ptr<void> {
+      auto message = std::make_shared<Message>();
+      message->part_count = 1;
+      return message;
+    };
     type.part_index = [](const void* m) {
       return static_cast<int>(static_cast<const Message*>(m)->part_index);
     };

@@ -30,7 +30,7 @@ TEST(Source, NamesItsFrames) {
     m.header.seq = 77;
     m.header.camera = "nonsense";
     if (call == 1) m.header.utime = 123;
-    m.part_count = 1;
+    EXPECT_EQ(m.part_count, 1);  // preset, so that a failed frame is a whole one
     return call < 3;
   });
   SourceRunner runner(source, {"left", 5, {{"RGBD_FRAME", "RGBD_FRAME@left"}}});

@@ -73,14 +73,16 @@ def _ripple(p, rng, squeeze):
 
 
 def _fold(p, mask, point, normal, radius):
-    """Roll what lies beyond the line through `point` over the rest, without stretching it."""
+    """Roll what lies beyond the line through `point` over the rest; the middle layer keeps its length."""
     s = (p[:, :2] - point) @ normal
-    axis_z = p[:, 2].max() + radius
+    low, high = p[mask, 2].min(), p[mask, 2].max()
+    axis_z = high + radius
+    turn = axis_z - (low + high) / 2
     r = axis_z - p[:, 2]
-    theta = s / axis_z
+    theta = s / turn
     bend = mask & (s > 0) & (theta < math.pi)
     over = mask & (theta >= math.pi)
-    new_s = np.where(bend, r * np.sin(theta), np.where(over, -(s - math.pi * axis_z), s))
+    new_s = np.where(bend, r * np.sin(theta), np.where(over, -(s - math.pi * turn), s))
     q = p.copy()
     q[:, :2] += (new_s - s)[:, None] * normal
     q[:, 2] = np.where(bend, axis_z - r * np.cos(theta), np.where(over, axis_z + r, p[:, 2]))

@@ -4,7 +4,7 @@ import os
 
 import numpy as np
 
-GENERATOR = "weft-cloth 2"
+GENERATOR = "weft-cloth 3"
 
 
 def _plain(x):

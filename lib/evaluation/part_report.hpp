@@ -1,0 +1,19 @@
+#pragma once
+
+#include <map>
+#include <nlohmann/json_fwd.hpp>
+#include <string>
+
+#include "evaluation/part_metrics.hpp"
+
+/// Part scores as a table for people and as JSON for scripts.
+namespace weft::evaluation {
+
+/// One line a part with positives, and the means.
+std::string to_table(const Evaluation& evaluation);
+
+/// {"map", "mean_recall_at_1", "parts": {NAME: {"positives", "positive_images", "images",
+/// "detections", "recall_at_1", ..., "ap", "ap11"}}}; null where there is nothing to divide by.
+nlohmann::json to_json(const Evaluation& evaluation);
+
+}  // namespace weft::evaluation

@@ -1,0 +1,195 @@
+"""Tests of the cloth simulator, run by Blender (see CMakeLists.txt)."""
+import json
+import os
+import sys
+import tempfile
+import unittest
+
+import numpy as np
+
+SIMULATE = os.path.join(os.path.dirname(os.path.abspath(__file__)), "../../../tools/synth/simulate")
+sys.path.insert(0, SIMULATE)
+
+import checks
+import geometry as g
+import main
+import mesh as meshes
+import patterns
+import states
+import wsim
+
+
+def every_cut():
+    for kind, (_, seen, held_out) in patterns.GARMENTS.items():
+        for family in seen + held_out:
+            for seed in range(3):
+                yield kind, family, seed
+
+
+def cut(kind, family, seed):
+    function, seen, held_out = patterns.GARMENTS[kind]
+    rng = np.random.default_rng(seed)
+    # Draw until the family comes up: the families of a kind are equally likely.
+    for _ in range(100):
+        garment = patterns.draw(kind, rng, family in held_out)
+        if garment.family == family:
+            return garment
+    raise AssertionError(f"{kind}: {family} is never drawn")
+
+
+def read(path):
+    with open(path, "rb") as f:
+        return f.read()
+
+
+def border_loops(faces):
+    """Number of closed loops of edges that belong to one face only."""
+    e = np.sort(np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]), axis=1)
+    unique, count = np.unique(e, axis=0, return_counts=True)
+    neighbours = {}
+    for a, b in unique[count == 1].tolist():
+        neighbours.setdefault(a, []).append(b)
+        neighbours.setdefault(b, []).append(a)
+    loops, seen = 0, set()
+    for start in neighbours:
+        if start in seen:
+            continue
+        loops += 1
+        stack = [start]
+        while stack:
+            v = stack.pop()
+            if v not in seen:
+                seen.add(v)
+                stack += neighbours[v]
+    return loops
+
+
+def build(garment, step=0.03):
+    return meshes.build(garment, step, 0.007, np.random.default_rng(7))
+
+
+class Geometry(unittest.TestCase):
+    def test_inside_and_distance_agree_with_a_disc(self):
+        t = np.linspace(0, 2 * np.pi, 400, endpoint=False)
+        disc = np.c_[np.cos(t), np.sin(t)]
+        p = np.random.default_rng(1).uniform(-1.5, 1.5, (500, 2))
+        radius = np.linalg.norm(p, axis=1)
+        clear = np.abs(radius - 1) > 1e-3
+        np.testing.assert_array_equal(g.inside(p, disc)[clear], (radius < 1)[clear])
+        np.testing.assert_allclose(g.distance(p, np.r_[disc, disc[:1]]), np.abs(radius - 1), atol=1e-4)
+
+    def test_resampling_keeps_corners_and_length(self):
+        line = g.points((0, 0), (1, 0), (1, 0.5))
+        r = g.resample(line, 0.1)
+        self.assertAlmostEqual(g.length(r), 1.5, places=12)
+        self.assertTrue((r == [1, 0]).all(1).any())
+
+
+class Patterns(unittest.TestCase):
+    def test_every_cut_is_sewn_and_has_its_parts(self):
+        for kind, family, seed in every_cut():
+            with self.subTest(kind=kind, family=family, seed=seed):
+                garment = cut(kind, family, seed)
+                mesh = build(garment)
+                names = [p.name for p in garment.panels]
+                centre = mesh.pattern[mesh.faces].mean(1)
+                for part in garment.parts:
+                    found = 0
+                    for region in part["regions"]:
+                        p = centre[mesh.panel == names.index(region["panel"])]
+                        if "polygon" in region:
+                            found += g.inside(p, region["polygon"]).sum()
+                        else:
+                            # Bands are narrower than these triangles: ask for their edges' points.
+                            line = garment.edge(region["edge"], region["panel"])
+                            found += (g.distance(p, line) < region["width_m"] + 0.03).sum()
+                    self.assertGreater(found, 0, part["part"] + " " + part["instance"])
+                for feature in garment.features:
+                    self.assertIn(feature["panel"], names)
+                up = np.cross(*(np.diff(mesh.pattern[mesh.faces], axis=1).transpose(1, 0, 2)))
+                front = np.array([p.side == "front" for p in garment.panels])[mesh.panel]
+                self.assertTrue(((up > 0) == front).all(), "a face is seen from the wrong side")
+
+    def test_openings_are_those_of_the_garment(self):
+        # Hem, neck and two sleeves; waist and two legs; one border. Unsewn seams would add loops.
+        for kind, family, loops in (("tshirt", "crew", 4), ("tshirt", "v-neck", 4), ("jeans", "slim", 3), ("dress", "scoop", 4), ("towel", "hand", 1)):
+            with self.subTest(kind=kind, family=family):
+                self.assertEqual(border_loops(build(cut(kind, family, 1)).faces), loops)
+
+    def test_collar_and_hood_hang_together_with_the_body(self):
+        for kind, family in (("polo", "regular"), ("shirt", "straight"), ("sweater", "pullover")):
+            mesh = build(cut(kind, family, 2))
+            group = np.arange(len(mesh.rest))
+            for _ in range(len(group)):
+                low = group[mesh.faces].min(1)
+                before = group.copy()
+                for k in range(3):
+                    np.minimum.at(group, mesh.faces[:, k], low)
+                if (group == before).all():
+                    break
+            self.assertEqual(len(np.unique(group)), 1, kind)
+
+
+class States(unittest.TestCase):
+    def test_a_fold_does_not_stretch_the_cloth(self):
+        rng = np.random.default_rng(3)
+        n = 60
+        x, y = np.meshgrid(np.linspace(-0.3, 0.3, n), np.linspace(-0.3, 0.3, n))
+        p = np.c_[x.ravel(), y.ravel(), np.full(n * n, 0.01)]
+        q = states._fold(p, np.ones(len(p), bool), np.array([0.05, 0.0]), states._direction(rng.uniform(0, 6)), 0.012)
+        grid = np.arange(n * n).reshape(n, n)
+        for a, b in ((grid[:, :-1], grid[:, 1:]), (grid[:-1], grid[1:])):
+            before = np.linalg.norm(p[a.ravel()] - p[b.ravel()], axis=1)
+            after = np.linalg.norm(q[a.ravel()] - q[b.ravel()], axis=1)
+            # A chord is shorter than its arc: at most 10 % at this grid and radius.
+            self.assertTrue((after < before * 1.0001).all() and (after > before * 0.9).all())
+        self.assertGreater(q[:, 2].max(), 0.03)
+
+
+class Checks(unittest.TestCase):
+    def test_crossing_triangles_are_counted_and_neighbours_are_not(self):
+        p = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0.2, 0.2, -1], [0.3, 0.2, 1], [0.2, 0.3, 1], [1, 1, 0]], float)
+        crossing = np.array([[0, 1, 2], [3, 4, 5], [1, 6, 2]])
+        self.assertEqual(checks.intersecting_pairs(p, crossing), 1)
+        self.assertEqual(checks.intersecting_pairs(p, crossing[[0, 2]]), 0)
+
+    def test_wrinkledness_of_a_slope_is_its_angle(self):
+        p = np.array([[0, 0, 0], [0.02, 0, 0.02], [0.02, 0.02, 0.02], [0, 0.02, 0]], float)
+        self.assertAlmostEqual(checks.wrinkledness(p, np.array([[0, 1, 2], [0, 2, 3]])), 45.0, places=4)
+
+
+class Files(unittest.TestCase):
+    def run_main(self, out, *more):
+        before = sys.argv
+        sys.argv = ["blender", "--", "--out", out, "--count", "2", "--seed", "5", "--garment", "towel", "--state", "folded", *more]
+        try:
+            main.main()
+        finally:
+            sys.argv = before
+
+    def test_same_seed_same_bytes_and_resuming_changes_nothing(self):
+        with tempfile.TemporaryDirectory() as a, tempfile.TemporaryDirectory() as b:
+            self.run_main(a)
+            names = sorted(n for n in os.listdir(a) if n.endswith(".wsim"))
+            self.assertEqual(names, ["5-00000.wsim", "5-00001.wsim"])
+            content = {n: read(os.path.join(a, n)) for n in names}
+            os.remove(os.path.join(a, names[1]))
+            kept = os.stat(os.path.join(a, names[0])).st_mtime_ns
+            self.run_main(a)
+            self.assertEqual(os.stat(os.path.join(a, names[0])).st_mtime_ns, kept)
+            self.run_main(b, "--offset", "1", "--stride", "2")
+            self.assertFalse(os.path.exists(os.path.join(b, names[0])))
+            for folder in (a, b):
+                self.assertEqual(read(os.path.join(folder, names[1])), content[names[1]])
+            header, arrays = wsim.read(os.path.join(a, names[0]))
+            self.assertEqual(arrays["pose"].shape, (header["quality"]["vertices"], 3))
+            self.assertLess(arrays["faces"].max(), len(arrays["pose"]))
+            self.assertGreaterEqual(arrays["pose"][:, 2].min(), 0)
+            self.assertEqual(json.loads(json.dumps(header))["garment"], "towel")
+            self.assertEqual(os.path.getsize(os.path.join(a, names[0])), len(content[names[0]]))
+
+
+if __name__ == "__main__":
+    result = unittest.main(argv=["simulate_test"], exit=False, verbosity=2).result
+    sys.stdout.flush()
+    os._exit(0 if result.wasSuccessful() and result.testsRun else 1)

@@ -1,0 +1,3 @@
+#include "evaluate/evaluate.hpp"
+
+int main(int argc, char** argv) { return weft::evaluate::run_evaluate(argc, argv); }
