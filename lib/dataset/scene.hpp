@@ -50,9 +50,12 @@ struct DatasetOptions {
   /// Negative: what is known of the set, else the image centre.
   double cx_px = -1.0, cy_px = -1.0;
   double depth_unit_m = 0.001;
-  /// x, y: by how much the colour image must be moved to fit the depth; empty: what is known of the
-  /// set. The depth is moved the other way, so that the colour stays whole.
-  std::vector<double> registration_offset_px;
+  /// Registration of a pair whose depth is not registered: a point p px from the centre of the
+  /// depth image is registration_scale p - registration_offset_px from the centre of the colour
+  /// image (at scale 1 the colour image, moved by the offset, fits the depth). The depth is warped
+  /// to the colour image. Empty offset: what is known of the set.
+  double registration_scale = 1.0;
+  std::vector<double> registration_offset_px = {};
 
   void visit(OptionVisitor& v) {
     v.field("fx_px", fx_px, {0.0, 1e5}, "px", "focal length; 0: what the set says, else 525");
@@ -62,6 +65,8 @@ struct DatasetOptions {
     v.field("cy_px", cy_px, {-1.0, 1e5}, "px",
             "principal point; -1: what the set says, else the centre");
     v.field("depth_unit_m", depth_unit_m, {1e-6, 1.0}, "m", "depth of one count of a depth image");
+    v.field("registration_scale", registration_scale, {0.5, 2.0}, "",
+            "size of the depth image's content in the colour image; with an offset only");
     v.field("registration_offset_px", registration_offset_px, {0, 2}, "px",
             "x, y: move of the colour image that makes it fit the depth, for a pair that is not "
             "registered; empty: what is known of the set");

@@ -14,17 +14,17 @@ std::uint32_t big_endian(const std::uint8_t* at, int bytes) {
   return value;
 }
 
-void check_size(std::uint32_t width, std::uint32_t height, int want_width, int want_height,
-                const std::string& where) {
-  if (width != static_cast<std::uint32_t>(want_width) ||
-      height != static_cast<std::uint32_t>(want_height))
-    throw Error(where + ": the image is " + std::to_string(width) + "x" + std::to_string(height) +
-                " px, not " + std::to_string(want_width) + "x" + std::to_string(want_height));
+void check_size(const cv::Size& size, int width, int height, const std::string& where) {
+  if (size != cv::Size(width, height))
+    throw Error(where + ": the image is " + std::to_string(size.width) + "x" +
+                std::to_string(size.height) + " px, not " + std::to_string(width) + "x" +
+                std::to_string(height));
 }
 
-/// Walks over the segments up to the frame header, which holds the size.
-void check_jpeg(const std::uint8_t* data, std::size_t size, int width, int height,
-                const std::string& where) {
+/// The frame header, which holds the size: walks over the segments before it. Its first byte is the
+/// number of bits, its sixth the number of colours.
+const std::uint8_t* jpeg_frame_header(const std::uint8_t* data, std::size_t size,
+                                      const std::string& where) {
   const auto fail = [&](const char* what) { throw Error(where + ": not a usable JPEG: " + what); };
   if (size < 4 || data[0] != 0xff || data[1] != 0xd8) fail("it does not start as one");
   if (data[size - 2] != 0xff || data[size - 1] != 0xd9) fail("its end is missing");
@@ -34,9 +34,8 @@ void check_jpeg(const std::uint8_t* data, std::size_t size, int width, int heigh
     const std::size_t length = big_endian(data + at + 2, 2);
     if (length < 2 || at + 2 + length > size) fail("damaged segments");
     if (marker >= 0xc0 && marker <= 0xc2) {
-      if (length < 8 || data[at + 4] != 8 || data[at + 9] != 3) fail("not 3 colours of 8 bits");
-      check_size(big_endian(data + at + 7, 2), big_endian(data + at + 5, 2), width, height, where);
-      return;
+      if (length < 8) fail("damaged segments");
+      return data + at + 4;
     }
     if (marker == 0xda || marker == 0xd9 || (marker > 0xc2 && marker < 0xd0 && marker != 0xc4))
       fail("no baseline or progressive frame");
@@ -44,12 +43,19 @@ void check_jpeg(const std::uint8_t* data, std::size_t size, int width, int heigh
   }
 }
 
-void check_png(const std::uint8_t* data, std::size_t size, PngKind kind, int width, int height,
-               const std::string& where) {
+/// The content of the first chunk: width and height of 4 bytes, bits, colour type.
+const std::uint8_t* png_header(const std::uint8_t* data, std::size_t size,
+                               const std::string& where) {
   if (size < 33 || std::memcmp(data, "\x89PNG\r\n\x1a\n\0\0\0\rIHDR", 16) != 0)
     throw Error(where + ": not a PNG");
-  check_size(big_endian(data + 16, 4), big_endian(data + 20, 4), width, height, where);
-  const int bits = data[24], colour_type = data[25];
+  return data + 16;
+}
+
+void check_png(const std::uint8_t* data, std::size_t size, PngKind kind, int width, int height,
+               const std::string& where) {
+  const std::uint8_t* header = png_header(data, size, where);
+  check_size(image_size(data, size, where), width, height, where);
+  const int bits = header[8], colour_type = header[9];
   const bool good = kind == PngKind::kColour  ? bits == 8 && colour_type == 2
                     : kind == PngKind::kDepth ? bits == 16 && colour_type == 0
                                               : (bits == 1 || bits == 8) && colour_type == 0;
@@ -87,13 +93,35 @@ std::vector<std::uint8_t> encode(const char* extension, const cv::Mat& image, in
 
 }  // namespace
 
+cv::Size image_size(const std::uint8_t* data, std::size_t size, const std::string& where) {
+  std::uint32_t width, height;
+  if (size > 0 && data[0] == 0x89) {
+    const std::uint8_t* header = png_header(data, size, where);
+    width = big_endian(header, 4);
+    height = big_endian(header + 4, 4);
+  } else if (size > 0 && data[0] == 0xff) {
+    const std::uint8_t* header = jpeg_frame_header(data, size, where);
+    width = big_endian(header + 3, 2);
+    height = big_endian(header + 1, 2);
+  } else {
+    throw Error(where + ": neither a PNG nor a JPEG image");
+  }
+  if (width < 1 || height < 1 || width > 8192 || height > 8192)
+    throw Error(where + ": an image of " + std::to_string(width) + "x" + std::to_string(height) +
+                " px is not within 1x1 to 8192x8192");
+  return {static_cast<int>(width), static_cast<int>(height)};
+}
+
 std::vector<std::uint8_t> encode_colour_jpeg(const cv::Mat& colour, int quality) {
   return encode(".jpg", colour, CV_8UC3, {cv::IMWRITE_JPEG_QUALITY, quality});
 }
 
 cv::Mat decode_colour_jpeg(const std::uint8_t* data, std::size_t size, int width, int height,
                            const std::string& where) {
-  check_jpeg(data, size, width, height, where);
+  const std::uint8_t* header = jpeg_frame_header(data, size, where);
+  if (header[0] != 8 || header[5] != 3)
+    throw Error(where + ": not a usable JPEG: not 3 colours of 8 bits");
+  check_size(image_size(data, size, where), width, height, where);
   return decode(data, size, cv::IMREAD_COLOR | cv::IMREAD_IGNORE_ORIENTATION, CV_8UC3, width,
                 height, where);
 }
