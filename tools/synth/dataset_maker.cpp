@@ -22,7 +22,7 @@ namespace weft::synth {
 namespace fs = std::filesystem;
 namespace {
 
-constexpr int kVersion = 1;  // of the recipe: same version and options, same bytes
+constexpr int kVersion = 2;  // of the recipe: same version and options, same bytes
 
 struct Source {
   std::string path, name, garment, split;
@@ -182,7 +182,8 @@ void render_scene(const Source& source, const Garment& garment, const Source* se
   dataset::write_iri(out, scene, annotation.labels);
 }
 
-void check_folder(const std::string& out, const SynthOptions& options) {
+void check_folder(const std::string& out, SynthOptions options) {
+  options.views = 1;  // more views add scenes and change none
   fs::create_directories(fs::path(out) / "meta");
   const nlohmann::json own = {{"format", "weft-synth"},
                               {"version", kVersion},

@@ -130,7 +130,7 @@ Fabric draw_fabric(Random& r, bool held_out, const Vec3& near, const Simulation&
   } else if (inner < 0.42) {
     f.inside = draw_colour(r, false);
   }
-  if (light < 0.03 && r.uniform() < 0.4)
+  if (light < 0.03 && r.uniform() < 0.2)
     f.infrared_loss = static_cast<float>(r.uniform(0.02, 0.35));
 
   if (f.family == "melange") {
@@ -138,6 +138,7 @@ Fabric draw_fabric(Random& r, bool held_out, const Vec3& near, const Simulation&
         mix(f.base, r.uniform() < 0.6 ? grey(static_cast<float>(r.uniform(0.02, 0.7))) : f.second,
             0.6f);
     f.scale_m = static_cast<float>(r.uniform(0.004, 0.014));
+    f.strength = static_cast<float>(r.uniform(0.15, 0.75));
   } else if (f.family == "denim") {
     if (r.uniform() < 0.5) {
       f.base = colour_from_hsv(r.uniform(0.56, 0.66), r.uniform(0.3, 0.75), r.uniform(0.12, 0.65));

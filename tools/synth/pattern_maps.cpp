@@ -69,7 +69,7 @@ class Painter {
     }
     cv::Mat& image = f.inside ? map_.inside : map_.outside;
     const Vec2 size = high - low;
-    const int rows = 1 + static_cast<int>(hash01(0, 0, seed_) * 3.0f);
+    const int rows = 1 + static_cast<int>(hash01(0, 0, seed_) * 5.0f);
     for (int row = 0; row < rows; ++row) {  // marks of about the size of letters
       const float h = 0.45f * size.y() / static_cast<float>(rows);
       const float y =

@@ -131,6 +131,7 @@ cv::Mat sense_colour(const cv::Mat& radiance, const ColourSensor& s, std::uint64
       }
     }
   }
+  if (s.jpeg_quality == 0) return colour;
   std::vector<std::uint8_t> bytes;
   if (!cv::imencode(".jpg", colour, bytes, {cv::IMWRITE_JPEG_QUALITY, s.jpeg_quality})) {
     throw Error("JPEG: cannot encode; is OpenCV built with it?");
@@ -155,58 +156,74 @@ cv::Mat sense_depth(const IdealImages& images, const DepthSensor& s,
       disparity.at<float>(y, x) = fb / images.depth_m.at<float>(source(x, y));
     }
   }
+  const auto centred = [](float v) { return 2.0f * v - 1.0f; };
   cv::Mat out(height, width, CV_16UC1, cv::Scalar(0));
-  for (int y = 0; y < height; ++y) {
-    for (int x = 0; x < width; ++x) {
+  for (int y = s.border_px[1]; y < height - s.border_px[3]; ++y) {
+    for (int x = s.border_px[0]; x < width - s.border_px[2]; ++x) {
       const float own = disparity.at<float>(y, x);
-      // The sensor matches windows of dots: small relief is averaged, edges are ragged.
-      float sum = 0.0f, lowest = own, highest = own;
-      int count = 0;
-      for (int j = std::max(0, y - 2); j <= std::min(height - 1, y + 2); ++j) {
-        for (int i = std::max(0, x - 2); i <= std::min(width - 1, x + 2); ++i) {
-          const float d = disparity.at<float>(j, i);
-          lowest = std::min(lowest, d);
-          highest = std::max(highest, d);
-          if (std::abs(d - own) > 0.6f) continue;
-          sum += d;
-          ++count;
-        }
-      }
       const auto fx = static_cast<float>(x), fy = static_cast<float>(y);
       const cv::Point p = source(x, y);
-      const float ragged = noise(fx / 3.0f, fy / 3.0f, noise_seed + 1);
-      if (highest - lowest > 1.0f && ragged < s.edge_loss) continue;
-      const float cosine_view = images.cosine.at<float>(p);
-      if (cosine_view < 0.12f + 0.3f * noise(fx / 4.0f, fy / 4.0f, noise_seed + 2)) continue;
+      const float fine = static_cast<float>(random.normal());
       if (images.shadow.at<std::uint8_t>(p) != 0) continue;
+      const float cosine_view = images.cosine.at<float>(p);
+      if (cosine_view <
+          s.steep_loss * (0.4f + 1.2f * noise(fx / 4.0f, fy / 4.0f, noise_seed + 2))) {
+        continue;
+      }
       const int object = images.object.at<std::uint8_t>(p);
       if (object > 0) {
         const float loss = fabrics[static_cast<std::size_t>(object - 1)].infrared_loss;
         if (loss > 0.0f &&
-            fractal_noise(fx / 9.0f, fy / 9.0f, 3, noise_seed + 3) < 0.22f + 0.4f * loss)
+            fractal_noise(fx / 9.0f, fy / 9.0f, 3, noise_seed + 3) < 0.22f + 0.4f * loss) {
           continue;
+        }
       }
-      const auto centred = [](float v) { return 2.0f * v - 1.0f; };
+      // The sensor matches windows of dots: small relief is averaged, edges are ragged.
+      float sum = 0.0f, lowest = own, highest = own;
+      int count = 0;
+      for (int j = std::max(0, y - s.window_px); j <= std::min(height - 1, y + s.window_px); ++j) {
+        for (int i = std::max(0, x - s.window_px); i <= std::min(width - 1, x + s.window_px); ++i) {
+          const float d = disparity.at<float>(j, i);
+          if (std::abs(j - y) <= 2 && std::abs(i - x) <= 2) {
+            lowest = std::min(lowest, d);
+            highest = std::max(highest, d);
+          }
+          if (std::abs(d - own) > 1.2f) continue;
+          sum += d;
+          ++count;
+        }
+      }
+      const float ragged = noise(fx / 3.0f, fy / 3.0f, noise_seed + 1);
+      if (highest - lowest > 1.0f && ragged < s.edge_loss) continue;
       const float slope = std::min(3.0f, 1.0f / std::max(0.2f, cosine_view) - 1.0f);
       float d = sum / static_cast<float>(count);
-      d += s.noise_px * (1.0f + 2.0f * slope) * static_cast<float>(random.normal());
-      d += s.blotch_px * 1.5f *
-           (centred(noise(fx / s.blotch_size_px, fy / s.blotch_size_px, noise_seed + 4)) +
-            0.6f * centred(noise(fx / (0.5f * s.blotch_size_px), fy / (0.5f * s.blotch_size_px),
-                                 noise_seed + 5)));
-      d += s.band_px *
-           (centred(noise(fx / s.band_period_px, fy / 900.0f, noise_seed + 6)) +
-            0.5f * centred(noise(fx / (0.13f * s.band_period_px), fy / 600.0f, noise_seed + 7)));
-      d = s.step_px * static_cast<float>(floor_int(d / s.step_px + 0.5f));
-      if (d <= 0.0f) continue;
+      d += s.noise_px * fine * (1.0f + 2.0f * slope);
+      // Value noise has a standard deviation of about 0.38.
+      d += s.blotch_px * (1.0f + slope) / 0.38f *
+           centred(noise(fx / s.blotch_size_px, fy / s.blotch_size_px, noise_seed + 4));
+      const int band = floor_int(fx / s.band_width_px + 0.5f);
+      d += s.band_px * centred(hash01(band, 0, noise_seed + 6));
       const float u = fx / static_cast<float>(width) * 2.0f - 1.0f;
       const float v = fy / static_cast<float>(height) * 2.0f - 1.0f;
       const float warp = s.warp_m * (s.warp[0] * u + s.warp[1] * v + s.warp[2] * u * u +
                                      s.warp[3] * u * v + s.warp[4] * v * v);
-      const float mm = 1000.0f * (fb / d + warp);
-      if (mm > 0.0f && mm < 10000.0f) {
-        out.at<std::uint16_t>(y, x) = static_cast<std::uint16_t>(mm + 0.5f);
+      d = fb / (fb / std::max(d, 1e-3f) + warp);
+      d = s.step_px * static_cast<float>(floor_int(d / s.step_px + 0.5f));
+      if (d <= 0.0f) continue;
+      const float mm = 1000.0f * fb / d;
+      if (mm < 10000.0f) out.at<std::uint16_t>(y, x) = static_cast<std::uint16_t>(mm + 0.5f);
+    }
+  }
+  // Drivers close small holes with the farther side.
+  for (int y = 0; y < height && s.fill_px > 0; ++y) {
+    auto* row = out.ptr<std::uint16_t>(y);
+    for (int x = 0; x < width;) {
+      int end = x;
+      while (end < width && row[end] == 0) ++end;
+      if (end > x && x > 0 && end < width && end - x <= s.fill_px) {
+        std::fill(row + x, row + end, std::max(row[x - 1], row[end]));
       }
+      x = end + 1;
     }
   }
   return out;

@@ -27,23 +27,27 @@ struct ColourSensor {
   float sharpening = 0.0f;
   bool mosaic = true;  // Bayer pattern and demosaicing
   float saturation = 1.0f;
-  int jpeg_quality = 92;
+  int jpeg_quality = 92;  // 0: never compressed
 };
 
 struct DepthSensor {
   float baseline_m = 0.075f;
   float focal_px = 575.0f;
-  float step_px = 0.125f;   // of disparity
-  float noise_px = 0.04f;   // of disparity, fine
-  float blotch_px = 0.06f;  // of disparity, patches of blotch_size_px
-  float blotch_size_px = 7.0f;
-  float band_px = 0.05f;  // of disparity, columns
-  float band_period_px = 80.0f;
-  float warp_m = 0.004f;  // low-order distortion at the corners
+  float step_px = 0.125f;        // of disparity
+  int window_px = 3;             // radius of the windows that are matched: smooths relief
+  float noise_px = 0.01f;        // of disparity, standard deviation pixel by pixel
+  float blotch_px = 0.035f;      // of disparity, standard deviation of patches
+  float blotch_size_px = 4.0f;   // of patches
+  float band_px = 0.03f;         // of disparity, amplitude of steps between bands of columns
+  float band_width_px = 106.0f;  // a sixth of the picture in Kinects
+  float warp_m = 0.004f;         // low-order distortion at the corners
   float warp[5] = {};
   float shift_x_px = 0.0f, shift_y_px = 0.0f;  // error of the registration
   float edge_loss = 0.5f;                      // chance to lose a pixel at an edge
-  float projector_sign = -1.0f;                // side of the projector
+  float steep_loss = 0.3f;                     // cosine below which slopes get lost
+  int fill_px = 0;                             // holes up to this width are filled in
+  int border_px[4] = {};         // missing at the left, top, right and bottom of a registered frame
+  float projector_sign = -1.0f;  // side of the projector
 };
 
 struct Placement {  // of an object: turn about z, then move
