@@ -82,10 +82,16 @@ TEST(Chi2Svm, MeetsTheOptimalityConditions) {
         alpha = std::abs(result.svm.coefficients[static_cast<std::size_t>(s)]);
       }
     }
-    if (alpha == 0.0) EXPECT_GT(margin, 1.0 - 0.01);
-    if (alpha > 1e-6 && alpha < 2.0 - 1e-6) EXPECT_NEAR(margin, 1.0, 0.01);
+    if (alpha == 0.0) {
+      EXPECT_GT(margin, 1.0 - 0.01);
+    }
+    if (alpha > 1e-6 && alpha < 2.0 - 1e-6) {
+      EXPECT_NEAR(margin, 1.0, 0.01);
+    }
     inside += margin < 1.0 - 0.01;
-    if (margin < 1.0 - 0.01) EXPECT_NEAR(alpha, 2.0, 1e-6);
+    if (margin < 1.0 - 0.01) {
+      EXPECT_NEAR(alpha, 2.0, 1e-6);
+    }
   }
   EXPECT_GT(inside, 0);  // or the test proves little
 }
