@@ -34,7 +34,7 @@ class Panel:
 
 @dataclass
 class Limb:
-    """Sleeve or leg that may turn in the plane, bend, or be folded over."""
+    """Sleeve, leg or hood that may turn in the plane, bend, or be folded over."""
 
     mask: np.ndarray  # polygon
     pivot: np.ndarray

@@ -22,7 +22,7 @@ def draw(kind, rng, held_out):
     family = str(rng.choice(reserved if held_out else seen))
     result = Garment(kind, family, held_out, {})
     function(result, rng, family)
-    for limb in list(result.limbs):
+    for limb in [limb for limb in result.limbs if limb.pivot[0] > 0]:
         result.limbs.append(Limb(limb.mask[::-1] * [-1, 1], limb.pivot * [-1, 1], limb.axis * [-1, 1], limb.length, limb.inward, limb.loose))
     result.cut = {k: v if isinstance(v, str) else round(float(v), 5) for k, v in result.cut.items()}
     return result
@@ -381,6 +381,8 @@ def sweater(r, rng, family):
             ],
         ),
     ]
+    above = g.points((-half - 0.05, top), (half + 0.05, top), (half + 0.05, top + height + 0.05), (-half - 0.05, top + height + 0.05))
+    r.limbs.append(Limb(above, np.array([0.0, top + 0.06]), np.array([0.0, 1.0]), height, 0.4))
     r.hem("hood_edge", rng.uniform(0.02, 0.03), "hem", 1)
     cuff, band = rng.uniform(0.05, 0.08), rng.uniform(0.05, 0.07)
     for side in ("left", "right"):

@@ -58,6 +58,15 @@ def _rest_on(p, z):
     return p
 
 
+def _skew(p, rng, amount):
+    """Nothing is ever laid out straight: smooth displacements in the plane."""
+    q = p.copy()
+    wave = rng.uniform(0.5, 0.9)
+    for axis in (0, 1):
+        q[:, axis] += amount * _noise(p[:, :2], rng, wave)
+    return q
+
+
 def _ripple(p, rng, squeeze):
     """Push the cloth together along one direction into waves of about the same length of cloth."""
     d = _direction(rng.uniform(0, 2 * math.pi))
@@ -96,7 +105,7 @@ def _direction(a):
 def _folded(mesh, garment, p, rng):
     """One or two folds a person might make: in half, a corner, a sleeve or a leg."""
     everything = np.ones(len(p), bool)
-    long_limbs = [l for l in garment.limbs if l.length > 0.4]
+    long_limbs = [l for l in garment.limbs if l.length > 0.2]
     kinds = ["half-side", "half-length", "diagonal", "corner"] + ["limb"] * (2 if long_limbs else 0)
     count = 1 if rng.random() < 0.65 else 2
     names = []
@@ -170,10 +179,12 @@ def lie(mesh, garment, fabric, state, turned_over, rng):
     """(positions, what was done)."""
     if state == "flat":
         p = _lay(mesh, garment, rng, turned_over, 0.25, rng.uniform(0.002, 0.006))
+        p = _skew(p, rng, rng.uniform(0.0, 0.012))
         p = _rest_on(_ripple(p, rng, rng.uniform(0.0, 0.03)), 0.008)
         return simulate(mesh, p, fabric, 20, still=STILL), "laid"
     if state == "wrinkled":
         p = _lay(mesh, garment, rng, turned_over, 0.45, rng.uniform(0.003, 0.008))
+        p = _skew(p, rng, rng.uniform(0.004, 0.022))
         waves = int(rng.integers(1, 4))
         for _ in range(waves):
             p = _ripple(p, rng, rng.uniform(0.05, 0.2) / math.sqrt(waves))
@@ -183,7 +194,7 @@ def lie(mesh, garment, fabric, state, turned_over, rng):
         return _pick_and_drop(mesh, p, fabric, rng, rng.uniform(0.08, 0.25), rng.uniform(0.1, 0.35)), "picked"
     if state == "folded":
         p = _lay(mesh, garment, rng, turned_over, 0.3, rng.uniform(0.001, 0.003))
-        p = _ripple(p, rng, rng.uniform(0.0, 0.01))
+        p = _ripple(_skew(p, rng, rng.uniform(0.0, 0.01)), rng, rng.uniform(0.0, 0.01))
         p, how = _folded(mesh, garment, p, rng)
         return simulate(mesh, _rest_on(p, 0.008), fabric, 26, still=STILL), how
     p = _lay(mesh, garment, rng, turned_over, 0.4, 0.006)

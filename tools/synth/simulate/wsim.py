@@ -4,7 +4,7 @@ import os
 
 import numpy as np
 
-GENERATOR = "weft-cloth 3"
+GENERATOR = "weft-cloth 4"
 
 
 def _plain(x):
