@@ -22,10 +22,10 @@ namespace weft::synth {
 namespace fs = std::filesystem;
 namespace {
 
-constexpr int kVersion = 2;  // of the recipe: same version and options, same bytes
+constexpr int kVersion = 3;  // of the recipe: same version and options, same bytes
 
 struct Source {
-  std::string path, name, garment, split;
+  std::string path, name, garment, split, hash;
   bool held_out = false;
 };
 
@@ -67,7 +67,9 @@ std::vector<Source> list_sources(const std::string& folder, const SynthOptions& 
   for (const auto& path : paths) {
     try {
       const Simulation s = read_simulation(path);
-      Source source{path, s.name, s.garment, "train", s.held_out};
+      Hash64 hash;
+      hash.add(read_text(path));
+      Source source{path, s.name, s.garment, "train", to_hex(hash.value()), s.held_out};
       if (s.held_out) {
         source.split = "test-held-out";
       } else if (Random(draw_seed(options, s.name, -1)).uniform() < options.test_share) {
@@ -97,6 +99,13 @@ const Source* partner(const std::vector<Source>& sources, std::size_t index, Ran
   return candidates.empty() ? nullptr : candidates[random.below(candidates.size())];
 }
 
+bool is_finished(const fs::path& out, const std::string& name, const Source& source) {
+  if (!fs::exists(out / "annotations" / (name + ".txt"))) return false;
+  const auto meta =
+      nlohmann::json::parse(read_text(out / "meta" / (name + ".json")), nullptr, false);
+  return meta.is_object() && meta.value("simulation_hash", "") == source.hash;
+}
+
 nlohmann::json manifest_entry(const Source& source, const Simulation& s, const ViewRecipe& recipe,
                               const Annotation& annotation, const dataset::Scene& scene,
                               const Source* second) {
@@ -116,6 +125,7 @@ nlohmann::json manifest_entry(const Source& source, const Simulation& s, const V
   const auto& c = recipe.camera;
   return {{"name", scene.name},
           {"simulation", source.name},
+          {"simulation_hash", source.hash},
           {"second", second != nullptr ? json(second->name) : json(nullptr)},
           {"garment", s.garment},
           {"split", source.split},
@@ -178,6 +188,8 @@ void render_scene(const Source& source, const Garment& garment, const Source* se
   scene.easy = scene.single && is_easy(garment.simulation, annotation);
   const auto entry =
       manifest_entry(source, garment.simulation, recipe, annotation, scene, second).dump();
+  // The annotation says that a scene is finished: none while its files are of two kinds.
+  fs::remove(fs::path(out) / "annotations" / (scene.name + ".txt"));
   write_text(fs::path(out) / "meta" / (scene.name + ".json"), entry + "\n");
   dataset::write_iri(out, scene, annotation.labels);
 }
@@ -246,7 +258,7 @@ SynthProgress make_dataset(const std::string& simulations, const std::string& ou
       std::optional<Garment> garment;
       for (int view = 0; view < options.views; ++view) {
         const std::string name = scene_name(source, view);
-        if (fs::exists(fs::path(out) / "annotations" / (name + ".txt"))) {
+        if (is_finished(out, name, source)) {
           tell(&SynthProgress::skipped, name);
           continue;
         }

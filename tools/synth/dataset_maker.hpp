@@ -36,11 +36,12 @@ struct SynthProgress {
 
 /// Renders every simulation (*.wsim) of a folder into a data set of the IRI layout with
 /// manifest.jsonl (one JSON object a scene) and dataset.json (version and options). Finished scenes
-/// are kept: a run may be cut off and taken up again, or go on when simulations were added; same
-/// simulations, options and version give the same bytes. Splits are by simulation: test-held-out
-/// where the cut is reserved (fabrics reserved too), otherwise test-seen for test_share of them,
-/// train for the rest. Throws Error when the output folder was made with other options or nothing
-/// can be read.
+/// are kept unless their simulation changed: a run may be cut off and taken up again, or go on when
+/// simulations were added, best under names that sort last (second garments are drawn from earlier
+/// ones). Same simulations, options and version give the same bytes. Splits are by simulation:
+/// test-held-out where the cut is reserved (fabrics reserved too), otherwise test-seen for
+/// test_share of them, train for the rest. Throws Error when the output folder was made with other
+/// options or nothing can be read.
 SynthProgress make_dataset(const std::string& simulations, const std::string& out,
                            const SynthOptions& options, int jobs,
                            const std::function<void(const SynthProgress&)>& report);

@@ -54,7 +54,7 @@ struct Irradiance {
   }
 };
 
-/// visible: for each light point, whether the given side of the surface sees it, as a function.
+/// blocked: of the sky; shadows of the light points are cast here if asked for.
 Irradiance irradiance(const Lighting& lighting, const RayScene& scene, const Vec3& point,
                       const Vec3& normal, SkyMask blocked, bool cast_shadows);
 

@@ -34,7 +34,7 @@ int main(int argc, char** argv) {
     });
     if (!sheet.empty()) write_contact_sheet(out, sheet, 48);
     return result.failed == 0 ? 0 : 1;
-  } catch (const weft::Error& error) {
+  } catch (const std::exception& error) {
     std::fprintf(stderr, "weft-synth-render: %s\n", error.what());
     return 2;
   }

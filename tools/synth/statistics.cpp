@@ -177,6 +177,23 @@ void measure_depth(const rgbd::RgbdFrame& frame, const cv::Mat& parts, ScanStati
 
 }  // namespace
 
+void count_parts(const dataset::Scene& scene, std::map<std::string, PartCount>& parts) {
+  for (const auto& p : scene.polygons) {
+    PartCount& count = parts[p.part];
+    if (p.ignore) {
+      ++count.ignored;
+      continue;
+    }
+    ++count.usable;
+    cv::Point2f low = p.points.front(), high = low;
+    for (const auto& q : p.points) {
+      low = {std::min(low.x, q.x), std::min(low.y, q.y)};
+      high = {std::max(high.x, q.x), std::max(high.y, q.y)};
+    }
+    if (cv::pointPolygonTest(p.points, 0.5f * (low + high), false) >= 0.0) ++count.centred;
+  }
+}
+
 ScanStatistics scan_statistics(const dataset::Scene& scene) {
   ScanStatistics out;
   cv::Mat grey;

@@ -1,6 +1,9 @@
 #pragma once
 
 #include <array>
+#include <map>
+#include <string>
+#include <vector>
 
 #include "dataset/scene.hpp"
 
@@ -22,6 +25,17 @@ struct ScanStatistics {
   double missing_share = 0.0;
   double missing_of_parts = 0.0;
 };
+
+/// Of the polygons of one part over a data set.
+struct PartCount {
+  int usable = 0;  // not ignored
+  int ignored = 0;
+  int centred = 0;  // usable, and the centre of the bounding box lies on the polygon: what a
+                    // detector that finds the true box can score
+};
+
+/// Adds a scene's polygons.
+void count_parts(const dataset::Scene& scene, std::map<std::string, PartCount>& parts);
 
 /// Dense SIFT norm: mean gradient of 16 px windows (grey levels 0 to 1 a pixel), every 6 px.
 ScanStatistics scan_statistics(const dataset::Scene& scene);

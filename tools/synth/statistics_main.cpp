@@ -13,6 +13,7 @@ using weft::synth::ScanStatistics;
 struct Row {
   const char* name;
   std::function<double(const ScanStatistics&)> value;
+  bool of_parts = false;  // scenes without parts say nothing
 };
 
 const std::vector<Row>& rows() {
@@ -23,9 +24,9 @@ const std::vector<Row>& rows() {
       {"SIFT norm decile 1, x1000", [](const auto& s) { return 1000 * s.gradient[0]; }},
       {"SIFT norm median, x1000", [](const auto& s) { return 1000 * s.gradient[1]; }},
       {"SIFT norm decile 9, x1000", [](const auto& s) { return 1000 * s.gradient[2]; }},
-      {"  on parts, decile 1", [](const auto& s) { return 1000 * s.gradient_of_parts[0]; }},
-      {"  on parts, median", [](const auto& s) { return 1000 * s.gradient_of_parts[1]; }},
-      {"  on parts, decile 9", [](const auto& s) { return 1000 * s.gradient_of_parts[2]; }},
+      {"  on parts, decile 1", [](const auto& s) { return 1000 * s.gradient_of_parts[0]; }, true},
+      {"  on parts, median", [](const auto& s) { return 1000 * s.gradient_of_parts[1]; }, true},
+      {"  on parts, decile 9", [](const auto& s) { return 1000 * s.gradient_of_parts[2]; }, true},
       {"depth median, m", [](const auto& s) { return s.depth_median_m; }},
       {"depth noise, mm", [](const auto& s) { return s.depth_noise_mm; }},
       {"depth noise / z^2, mm/m^2",
@@ -40,7 +41,7 @@ const std::vector<Row>& rows() {
       {"noise correlation at 4 px", [](const auto& s) { return s.depth_correlation[1]; }},
       {"noise correlation at 8 px", [](const auto& s) { return s.depth_correlation[2]; }},
       {"missing depth, %", [](const auto& s) { return 100 * s.missing_share; }},
-      {"missing depth on parts, %", [](const auto& s) { return 100 * s.missing_of_parts; }},
+      {"missing depth on parts, %", [](const auto& s) { return 100 * s.missing_of_parts; }, true},
   };
   return table;
 }
@@ -59,24 +60,35 @@ int main(int argc, char** argv) {
   std::vector<std::vector<ScanStatistics>> all;
   for (const auto& folder : folders) {
     std::vector<ScanStatistics> scenes;
+    std::map<std::string, weft::synth::PartCount> parts;
     try {
       const auto dataset = weft::dataset::open_dataset(folder);
       const std::size_t total = dataset->names().size(), count = std::min(limit, total);
       for (std::size_t k = 0; k < count; ++k) {
-        scenes.push_back(weft::synth::scan_statistics(dataset->read(k * total / count)));
+        const auto scene = dataset->read(k * total / count);
+        scenes.push_back(weft::synth::scan_statistics(scene));
+        weft::synth::count_parts(scene, parts);
       }
     } catch (const weft::Error& error) {
       std::fprintf(stderr, "weft-synth-statistics: %s\n", error.what());
       return 2;
     }
     std::printf("%s: %zu scenes\n", folder.c_str(), scenes.size());
+    for (const auto& [part, count] : parts) {
+      std::printf("  %-20s %4d usable, %4d ignored, box centre on the part in %.3f\n", part.c_str(),
+                  count.usable, count.ignored,
+                  count.usable > 0 ? static_cast<double>(count.centred) / count.usable : 0.0);
+    }
     all.push_back(std::move(scenes));
   }
   for (const auto& row : rows()) {
     std::printf("%-28s", row.name);
     for (const auto& scenes : all) {
       std::vector<double> values;
-      for (const auto& s : scenes) values.push_back(row.value(s));
+      for (const auto& s : scenes) {
+        if (!row.of_parts || s.gradient_of_parts[2] > 0.0) values.push_back(row.value(s));
+      }
+      if (values.empty()) values.push_back(0.0);
       std::sort(values.begin(), values.end());
       const auto at = [&](double share) {
         return values[static_cast<std::size_t>(share * static_cast<double>(values.size() - 1))];

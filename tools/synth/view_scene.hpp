@@ -49,12 +49,10 @@ class ViewScene {
   std::vector<PartVisibility> part_visibility(std::size_t object) const;
 
  private:
-  struct Sample;
   Vec3 ray(double u_px, double v_px) const;
   float table_distance(const Vec3& direction, bool& floor) const;
   Vec3 shade_cloth(const RayHit& hit, const Vec3& direction) const;
   Vec3 shade_table(const Vec3& point, bool floor) const;
-  void light_table();
 
   const std::vector<const Garment*>& garments_;
   const ViewRecipe& recipe_;

@@ -49,6 +49,13 @@ TEST(DatasetMaker, SameBytesAgainAndAfterAKill) {
   EXPECT_EQ(progress.skipped, 1);
   EXPECT_EQ(first, contents(out / "two"));
 
+  // A simulation that changed is rendered again, the other one is not.
+  write_simulation(in / "b.wsim", test::procedural_sack("b", 0.006f));
+  EXPECT_EQ(make(in.string(), out / "two").done, 1);
+  const auto second = contents(out / "two");
+  EXPECT_EQ(first.at("pcd/tshirt-a-v0.pcd"), second.at("pcd/tshirt-a-v0.pcd"));
+  EXPECT_NE(first.at("pcd/tshirt-b-v0.pcd"), second.at("pcd/tshirt-b-v0.pcd"));
+
   const auto dataset = dataset::open_iri(out / "one");
   ASSERT_EQ(dataset->names().size(), 2u);
   const auto scene = dataset->read(0);
