@@ -1,6 +1,8 @@
 #include "stage/host.hpp"
 
-#include <atomic>
+#include <spdlog/spdlog.h>
+
+#include <algorithm>
 #include <condition_variable>
 #include <lcm/lcm-cpp.hpp>
 #include <mutex>
@@ -12,8 +14,8 @@
 
 namespace weft::stage {
 namespace {
-// How long the receive thread may wait for a message before it looks at deadlines and repeats.
-constexpr int kReceiveWait_ms = 10;
+// How long the receive thread waits for a message before it looks whether it should stop.
+constexpr std::int64_t kReceiveWait_ms = 100;
 }  // namespace
 
 class Host::Impl {
@@ -57,19 +59,25 @@ class Host::Impl {
 
   void receive(const std::stop_token& stop) {
     while (!stop.stop_requested()) {
-      if (lcm_->handleTimeout(kReceiveWait_ms) < 0) {
-        {
-          const std::lock_guard lock(mutex_);
-          transport_error_ = "LCM cannot receive";
-        }
-        std::this_thread::sleep_for(std::chrono::milliseconds(kReceiveWait_ms));
-      }
+      std::int64_t wait_ms = kReceiveWait_ms;
       {
         const std::lock_guard lock(mutex_);
         runner_.advance(now_us());
+        if (const auto next_us = runner_.next_wakeup())
+          wait_ms = std::clamp<std::int64_t>((*next_us - now_us()) / 1000 + 1, 1, wait_ms);
       }
       wake_.notify_one();  // a deadline may have made a frame ready
       publish();
+      int handled = lcm_->handleTimeout(static_cast<int>(wait_ms));
+      // What has arrived already goes before the deadlines, lest a busy machine misses inputs that
+      // are there. Bounded, so that a flood does not hold up the rest.
+      for (int i = 0; i < 1000 && handled > 0; ++i) handled = lcm_->handleTimeout(0);
+      if (handled >= 0) continue;
+      {
+        const std::lock_guard lock(mutex_);
+        transport_error_ = "LCM cannot receive";
+      }
+      std::this_thread::sleep_for(std::chrono::milliseconds(kReceiveWait_ms));
     }
   }
 
@@ -118,6 +126,8 @@ class Host::Impl {
       counters = runner_.counters();
       if (!transport_error_.empty()) counters.last_error = transport_error_;
     }
+    if (counters.last_error != logged_error_) spdlog::warn("{}", counters.last_error);
+    logged_error_ = counters.last_error;
     send(kStatusChannel, status_message(identity_, counters, state, status_seq_++));
   }
 
@@ -127,6 +137,7 @@ class Host::Impl {
   std::string transport_error_;
   const Identity identity_;
   std::int64_t status_seq_ = 0;
+  std::string logged_error_;  // at most one line a second, however much goes wrong
   std::stop_source stop_;
   std::unique_ptr<lcm::LCM> lcm_;
 };

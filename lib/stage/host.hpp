@@ -42,7 +42,7 @@ struct SourceHostOptions {
   /// empty. The same (camera, session, seq) triggers once.
   bool on_trigger = false;
   /// Pause after each numbered part, so that receivers with stock buffers keep up.
-  std::int64_t part_pause_us = 2000;
+  std::int64_t part_pause_us = 5000;
 };
 
 inline constexpr const char* kTriggerChannel = "CAPTURE_TRIGGER";
@@ -55,6 +55,7 @@ class SourceHost {
   /// Until the source ends, the count is reached, request_stop(), SIGINT or SIGTERM.
   void run();
   void request_stop();
+  Counters counters() const;
 
  private:
   class Impl;

@@ -135,6 +135,10 @@ int run_source(int argc, char** argv, const std::string& program, const std::str
   app.add_option("--count", options.count, "frames to publish; 0: until the source ends")
       ->check(CLI::NonNegativeNumber)
       ->capture_default_str();
+  app.add_option("--part-pause-us", options.part_pause_us,
+                 "pause after each part of a frame that does not fit one message")
+      ->check(CLI::Range(0, 1'000'000))
+      ->capture_default_str();
   app.add_option("--trigger", trigger,
                  "continuous; single: one frame, then stop; message: one frame for each message on "
                  "CAPTURE_TRIGGER")
@@ -151,6 +155,12 @@ int run_source(int argc, char** argv, const std::string& program, const std::str
     SourceHost host(*source, options);
     spdlog::info("{} {} on {}", program, build_text(), options.url.to_string());
     host.run();
+    const Counters counters = host.counters();
+    if (counters.frames_failed > 0) {
+      throw Error(std::to_string(counters.frames_failed) + " of " +
+                  std::to_string(counters.frames_in) +
+                  " frames could not be read; the last: " + counters.last_error);
+    }
     spdlog::info("stopped");
   });
 }

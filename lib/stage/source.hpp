@@ -58,7 +58,8 @@ class SourceRunner {
 
 /// main() of a process that holds one source: --settings, --set, --name, --map, --url, --camera,
 /// --session, --rate, --count, --trigger, --print-settings ... Runs until the source ends, or
-/// SIGINT or SIGTERM; returns the exit status as run_process does.
+/// SIGINT or SIGTERM; returns the exit status as run_process does: 1 also when a frame could not be
+/// read.
 int run_source(int argc, char** argv, const std::string& program, const std::string& summary,
                const SourceFactory& factory, const std::string& settings_reference);
 

@@ -1,3 +1,5 @@
+#include <spdlog/spdlog.h>
+
 #include <condition_variable>
 #include <lcm/lcm-cpp.hpp>
 #include <mutex>
@@ -8,8 +10,13 @@
 #include "stage/host.hpp"
 #include "stage/telemetry.hpp"
 #include "weft/stage_status_t.hpp"
+#include "weft/status_t.hpp"
 
 namespace weft::stage {
+namespace {
+// A device that is gone fails at once, every time.
+constexpr std::int64_t kPauseAfterFailure_us = 100'000;
+}  // namespace
 
 class SourceHost::Impl {
  public:
@@ -38,6 +45,11 @@ class SourceHost::Impl {
   }
 
   void request_stop() { stop_.request_stop(); }
+
+  Counters counters() {
+    const std::lock_guard lock(mutex_);
+    return counters_;
+  }
 
  private:
   void on_trigger(const lcm::ReceiveBuffer* buffer, const std::string&) {
@@ -94,6 +106,10 @@ class SourceHost::Impl {
         send(answer->messages[part].channel, answer->messages[part].bytes);
       }
       send(kTimingChannel, timing_message(identity_, *answer, now_us()));
+      if (answer->status_code == weft::status_t::FAILED) {
+        spdlog::warn("{}", runner_.counters().last_error);
+        due_us = std::max(due_us, now_us() + kPauseAfterFailure_us);
+      }
       const std::lock_guard lock(mutex_);
       counters_ = runner_.counters();
     }
@@ -139,5 +155,6 @@ SourceHost::SourceHost(Source& source, SourceHostOptions options)
 SourceHost::~SourceHost() = default;
 void SourceHost::run() { impl_->run(); }
 void SourceHost::request_stop() { impl_->request_stop(); }
+Counters SourceHost::counters() const { return impl_->counters(); }
 
 }  // namespace weft::stage

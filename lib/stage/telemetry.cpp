@@ -2,6 +2,7 @@
 
 #include <unistd.h>
 
+#include <algorithm>
 #include <csignal>
 #include <cstdio>
 #include <ctime>
@@ -129,7 +130,7 @@ void run_until_stopped(const std::stop_token& stop, const std::function<void()>&
   while (!stop.stop_requested()) {
     if (now_us() >= next) {
       tick();
-      next += kPeriod_us;
+      next = std::max(next + kPeriod_us, now_us());
     }
     const timespec wait{0, 50'000'000};
     if (sigtimedwait(&signals, nullptr, &wait) > 0) break;

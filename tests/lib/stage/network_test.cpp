@@ -241,7 +241,7 @@ TEST_F(Network, LockStepSurvivesKilledStages) {
 }
 
 TEST_F(Network, LiveAnswersEveryFrameThatReachedIt) {
-  Child child({"joiner", "--url", kStockUrl, "--deadline-ms", "300", "--queue", "1000"});
+  Child child({"joiner", "--url", kStockUrl, "--deadline-ms", "1000", "--queue", "1000"});
   ASSERT_TRUE(ready(child));
   std::mt19937 random(4);
   std::map<std::int64_t, bool> complete;
@@ -330,26 +330,26 @@ TEST_F(Network, SurvivesGarbageOnEveryChannel) {
 }
 
 TEST_F(Network, SourceFeedsAStageWithStockBuffers) {
-  // 1280x720 raw colour and depth: 29 parts a frame.
-  Child stage({"counter", "--url", kStockUrl, "--queue", "100"});
+  // Ten parts a frame, slow enough for a busy machine to keep up.
+  Child stage({"counter", "--url", kStockUrl, "--queue", "100", "--deadline-ms", "20000"});
   ASSERT_TRUE(ready(stage));
-  Child source({"source", "--url", kStockUrl, "--rate", "5", "--count", "6", "--session", "4",
-                "--camera", "top", "--set", "data_bytes=4608000", "--set", "fail_at=2"});
-  for (int seq = 0; seq < 6; ++seq) {
+  Child source({"source", "--url", kStockUrl, "--count", "4", "--session", "4", "--camera", "top",
+                "--part-pause-us", "20000", "--set", "data_bytes=1500000", "--set", "fail_at=2"});
+  for (int seq = 0; seq < 4; ++seq) {
     ASSERT_TRUE(wait_for([&] { return answers("WORDS", seq) > 0; })) << "frame " << seq;
     const auto m = words(seq);
     EXPECT_EQ(m.header.camera, "top");
     EXPECT_EQ(m.header.session, 4);
-    EXPECT_EQ(m.vocabulary_size, seq == 2 ? 0 : 4'608'000);
+    EXPECT_EQ(m.vocabulary_size, seq == 2 ? 0 : 1'500'000);
     EXPECT_EQ(m.status.code, seq == 2 ? status_t::MISSING_INPUT : status_t::OK);
-    EXPECT_EQ(frame_messages_[seq], seq == 2 ? 1 : 29);
   }
   const pid_t pid = source.pid();
-  EXPECT_EQ(source.wait(), 0);
+  EXPECT_EQ(source.wait(), 1);  // a frame could not be read
+  EXPECT_NE(source.output().find("1 of 4 frames"), std::string::npos) << source.output();
   EXPECT_TRUE(wait_for([&] {
     const auto* status = last_status(pid);
-    return status && status->state == stage_status_t::STOPPING && status->frames_in == 6 &&
-           status->frames_out == 5 && status->frames_failed == 1;
+    return status && status->state == stage_status_t::STOPPING && status->frames_in == 4 &&
+           status->frames_out == 3 && status->frames_failed == 1;
   }));
 }
 
