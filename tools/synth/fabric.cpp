@@ -81,7 +81,7 @@ Fabric draw_fabric(Random& r, bool held_out, const Vec3& near, const Simulation&
         : kind < 0.7 ? colour_from_hsv(r.uniform(), r.uniform(0.0, 0.1), r.uniform(0.7, 0.95))
                      : draw_colour(r, false);
   } else {
-    f.thread = f.base * static_cast<float>(r.uniform(0.6, 1.3));
+    f.thread = f.base * static_cast<float>(r.uniform(0.7, 1.25));
   }
   f.thread = mix(f.base, f.thread, static_cast<float>(r.uniform(0.4, 0.9)));
   const double button = r.uniform();
@@ -112,13 +112,14 @@ Fabric draw_fabric(Random& r, bool held_out, const Vec3& near, const Simulation&
   f.angle_sine = static_cast<float>(sine(angle));
   f.angle_cosine = static_cast<float>(cosine(angle));
   f.mottle = static_cast<float>(r.uniform() < 0.5 ? r.uniform(0.0, 0.05) : r.uniform(0.05, 0.3));
-  f.wrinkle_mm = static_cast<float>(r.uniform() < 0.3 ? 0.0 : r.uniform(0.1, 1.4));
+  f.wrinkle_mm = static_cast<float>(r.uniform() < 0.25 ? 0.0 : r.uniform(0.2, 2.2));
   f.wrinkle_scale_m = static_cast<float>(r.uniform(0.018, 0.06));
   const double turn = r.uniform(0.0, kPi);
   f.wrinkle_sine = static_cast<float>(sine(turn));
   f.wrinkle_cosine = static_cast<float>(cosine(turn));
   f.crease_mm = static_cast<float>(r.uniform() < 0.7 ? 0.0 : r.uniform(0.3, 1.2));
   f.crease_spacing_m = static_cast<float>(r.uniform(0.12, 0.3));
+  f.seam_relief = static_cast<float>(r.uniform(0.25, 1.1));
   f.sheen = static_cast<float>(r.uniform(0.0, 0.06));
   f.gloss = static_cast<float>(r.uniform() < 0.8 ? r.uniform(0.0, 0.02) : r.uniform(0.02, 0.1));
 
@@ -346,7 +347,7 @@ float Fabric::relief_mm(int index, const Vec2& p) const {
     const float bend = 1.5f * noise(x * 0.4f, y * 0.4f, offset + 11);
     const float ridge = 2.0f * noise(x + bend, y + bend, offset + 12) - 1.0f;
     const float small = 2.0f * noise(2.3f * x - bend, 2.3f * y + bend, offset + 13) - 1.0f;
-    const float where = smooth_step(0.3f, 0.75f, noise(p.x() / 0.11f, p.y() / 0.11f, offset + 14));
+    const float where = smooth_step(0.2f, 0.65f, noise(p.x() / 0.11f, p.y() / 0.11f, offset + 14));
     h += wrinkle_mm * where * ((1.0f - std::abs(ridge)) * 1.2f + 0.5f * (1.0f - std::abs(small)));
   }
   if (crease_mm > 0.0f) {

@@ -35,6 +35,7 @@ struct Fabric {
   float wrinkle_mm = 0.0f, wrinkle_scale_m = 0.03f;
   float wrinkle_sine = 0.0f, wrinkle_cosine = 1.0f;
   float crease_mm = 0.0f, crease_spacing_m = 0.2f;  // sharp lines left by folding
+  float seam_relief = 1.0f;  // how strongly hems, grooves and seams are pronounced
   float sheen = 0.0f, gloss = 0.0f;
   float infrared_loss = 0.0f;  // share of depth pixels that near black cloth loses
   std::vector<Print> prints;

@@ -57,7 +57,7 @@ Lighting draw_lighting(Random& r, const Vec3& camera) {
       }
     }
   };
-  const float ambient = u(0.12, 0.6);
+  const float ambient = r.uniform() < 0.5 ? u(0.06, 0.25) : u(0.2, 0.55);
   l.sky_base = white(r, 0.12) * ambient;
   l.sky_slope = Vec3(u(-0.6, 0.6), u(-0.6, 0.6), u(0.0, 0.4));
   l.bounce = u(0.15, 0.45);

@@ -100,7 +100,7 @@ ViewRecipe draw_view(Random& r, const std::vector<const Simulation*>& objects, b
   c.mean_level = u(0.12, 0.6);
   c.bright_level = r.uniform() < 0.75 ? u(0.5, 0.95) : u(0.95, 2.0);
   c.balance = Vec3(u(0.82, 1.2), u(0.92, 1.08), u(0.8, 1.2));
-  c.blur_px = u(0.35, 0.95);
+  c.blur_px = r.uniform() < 0.65 ? u(0.35, 0.95) : u(0.8, 1.4);
   c.noise_grey = u(0.6, 1.5);
   c.vignetting = r.uniform() < 0.5 ? u(0.0, 0.2) : u(0.2, 0.6);
   c.gamma = u(1.8, 2.4);

@@ -236,7 +236,7 @@ Vec3 ViewScene::shade_cloth(const RayHit& hit, const Vec3& direction) const {
   if (std::abs(determinant) > 1e-9f) {
     constexpr float kStep = 0.0008f;
     const auto height = [&](const Vec2& q) {
-      return 0.001f * (map.height_at(q) + fabric.relief_mm(panel, q));
+      return 0.001f * (fabric.seam_relief * map.height_at(q) + fabric.relief_mm(panel, q));
     };
     const float h = height(p);
     const float gx = (height(p + Vec2(kStep, 0)) - h) / kStep;
@@ -262,7 +262,10 @@ Vec3 ViewScene::shade_cloth(const RayHit& hit, const Vec3& direction) const {
   const float level = std::max(luminance(e), 1e-6f);
   const float change = 1.0f + sign * light.slope[side].dot(bent - n) / level;
   Vec3 radiance = albedo.cwiseProduct(e) * std::clamp(change, 0.12f, 2.5f);
-  if (side == 0) radiance *= static_cast<float>(map.crevice.at<std::uint8_t>(texel)) / 255.0f;
+  if (side == 0) {
+    const float closed = 1.0f - static_cast<float>(map.crevice.at<std::uint8_t>(texel)) / 255.0f;
+    radiance *= 1.0f - fabric.seam_relief * closed;
+  }
 
   const Vec3 view = -direction.normalized();
   const float facing = clamp01(sign * bent.dot(view));
