@@ -13,6 +13,39 @@ constexpr std::int32_t kOne = 1 << FixedMap::kProbabilityBits;
 constexpr int kTableRange = 16;  // beyond +-16 the logistic is 0 or 1 within 2^-16
 constexpr int kTableSteps = 64;  // per unit of score
 
+class LogisticTable {
+ public:
+  LogisticTable() {
+    for (std::size_t i = 0; i < values_.size(); ++i)
+      values_[i] = det::logistic(static_cast<double>(i) / kTableSteps - kTableRange) * kOne;
+  }
+  std::int32_t operator()(double score) const {
+    const double limit = kTableRange;
+    const double at = (std::clamp(score, -limit, limit) + limit) * kTableSteps;
+    const auto i = static_cast<std::int32_t>(at);
+    const double low = values_[static_cast<std::size_t>(i)];
+    const double step = values_[static_cast<std::size_t>(i) + 1] - low;
+    return static_cast<std::int32_t>(low + step * (at - i) + 0.5);
+  }
+
+ private:
+  std::array<double, 2 * kTableRange * kTableSteps + 2> values_;
+};
+
+using Row = std::vector<std::int32_t>;
+
+void add_row(const Row& probability, const Row& present, std::int64_t* __restrict sum,
+             std::int32_t* __restrict cover) {
+  for (std::size_t c = 0; c < probability.size(); ++c) sum[c] += probability[c];
+  for (std::size_t c = 0; c < present.size(); ++c) cover[c] += present[c];
+}
+
+void subtract_row(const Row& probability, const Row& present, std::int64_t* __restrict sum,
+                  std::int32_t* __restrict cover) {
+  for (std::size_t c = 0; c < probability.size(); ++c) sum[c] -= probability[c];
+  for (std::size_t c = 0; c < present.size(); ++c) cover[c] -= present[c];
+}
+
 // Fixed-point weights that add up to kOne.
 std::vector<std::int32_t> gaussian_weights(double sigma_cells) {
   const int radius = static_cast<int>(std::ceil(3.0 * sigma_cells));
@@ -53,17 +86,8 @@ void smooth_lines(std::vector<std::int32_t>& values, int lines, int line_stride,
 }  // namespace
 
 std::int32_t fixed_probability(double score) {
-  static const auto table = [] {
-    std::array<double, 2 * kTableRange * kTableSteps + 2> values{};
-    for (std::size_t i = 0; i < values.size(); ++i)
-      values[i] = det::logistic(static_cast<double>(i) / kTableSteps - kTableRange) * kOne;
-    return values;
-  }();
-  const double limit = kTableRange;
-  const double at = (std::clamp(score, -limit, limit) + kTableRange) * kTableSteps;
-  const auto i = static_cast<std::size_t>(at);
-  const double share = at - static_cast<double>(i);
-  return static_cast<std::int32_t>(table[i] + (table[i + 1] - table[i]) * share + 0.5);
+  static const LogisticTable table;
+  return table(score);
 }
 
 FixedMap probability_map(const WindowScorer& scorer, int part, const MapOptions& options) {
@@ -88,10 +112,11 @@ FixedMap probability_map(const WindowScorer& scorer, int part, const MapOptions&
   const auto size = static_cast<std::size_t>(width) * static_cast<std::size_t>(height);
   std::vector<std::int64_t> sums(size, 0);
   std::vector<std::int32_t> covers(size, 0);
-  std::vector<std::int32_t> probability(static_cast<std::size_t>(bounds.columns));
-  std::vector<std::int32_t> present(probability.size());
+  Row probability(static_cast<std::size_t>(bounds.columns)), present(probability.size());
+  WindowScratch scratch;
+  WindowScores windows;
   for (const auto& shape : shapes) {
-    const auto windows = scorer.score(part, shape);
+    scorer.score(part, shape, scratch, windows);
     const int column = windows.positions.column - bounds.column + pad_columns;
     for (int r = 0; r < bounds.rows; ++r) {
       const double* scores =
@@ -101,19 +126,15 @@ FixedMap probability_map(const WindowScorer& scorer, int part, const MapOptions&
         probability[c] = present[c] ? fixed_probability(scores[c]) : 0;
       }
       const int row = windows.positions.row - bounds.row + pad_rows + r;
-      const auto splat = [&](int x, int y, int sign) {
-        const auto at = static_cast<std::ptrdiff_t>(y) * width + x;
-        std::int64_t* sum = sums.data() + at;
-        std::int32_t* cover = covers.data() + at;
-        for (std::size_t c = 0; c < probability.size(); ++c) {
-          sum[c] += sign * probability[c];
-          cover[c] += sign * present[c];
-        }
-      };
-      splat(column, row, 1);
-      splat(column + windows.window_columns, row, -1);
-      splat(column, row + windows.window_rows, -1);
-      splat(column + windows.window_columns, row + windows.window_rows, 1);
+      const auto at = [&](int x, int y) { return static_cast<std::ptrdiff_t>(y) * width + x; };
+      const int right = column + windows.window_columns, below = row + windows.window_rows;
+      add_row(probability, present, sums.data() + at(column, row), covers.data() + at(column, row));
+      subtract_row(probability, present, sums.data() + at(right, row),
+                   covers.data() + at(right, row));
+      subtract_row(probability, present, sums.data() + at(column, below),
+                   covers.data() + at(column, below));
+      add_row(probability, present, sums.data() + at(right, below),
+              covers.data() + at(right, below));
     }
   }
   for (int y = 0; y < height; ++y) {

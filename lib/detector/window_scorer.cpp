@@ -21,41 +21,57 @@ std::int64_t fixed_root(int count) {
       std::floor(std::sqrt(static_cast<double>(count)) * (1 << kRootBits) + 0.5));
 }
 
-// A block's share of the score, from sum_v w_v f(h_v) and the number of words.
-double block_score(HistogramNorm norm, std::int64_t sum, int count) {
-  if (count == 0) return 0.0;
+// A block's share of the score, from sum_v w_v f(h_v) and the number of words. Without words both
+// are 0, and so is the share.
+template <HistogramNorm kNorm>
+double block_score(std::int64_t sum, std::int32_t count) {
   const auto value = static_cast<double>(sum);
-  switch (norm) {
-    case HistogramNorm::kSqrtL2:
-      return value / std::sqrt(static_cast<double>(count)) *
-             (1.0 / (std::int64_t{1} << (kWeightBits + kRootBits)));
-    case HistogramNorm::kL1:
-      return value / count * (1.0 / (1 << kWeightBits));
-    case HistogramNorm::kRaw:
-      return value * (1.0 / (1 << kWeightBits));
-  }
-  return 0.0;
+  const auto words = static_cast<double>(count > 0 ? count : 1);
+  if constexpr (kNorm == HistogramNorm::kSqrtL2)
+    return value / std::sqrt(words) * (1.0 / (std::int64_t{1} << (kWeightBits + kRootBits)));
+  if constexpr (kNorm == HistogramNorm::kL1) return value / words * (1.0 / (1 << kWeightBits));
+  return value * (1.0 / (1 << kWeightBits));
 }
 
-struct WordState {
-  std::int32_t weight;
-  std::int32_t count;
-};
+double block_score(HistogramNorm norm, std::int64_t sum, std::int32_t count) {
+  if (norm == HistogramNorm::kSqrtL2) return block_score<HistogramNorm::kSqrtL2>(sum, count);
+  if (norm == HistogramNorm::kL1) return block_score<HistogramNorm::kL1>(sum, count);
+  return block_score<HistogramNorm::kRaw>(sum, count);
+}
+
+template <HistogramNorm kNorm>
+void add_scores(const std::int64_t* __restrict sums, const std::int32_t* __restrict counts,
+                std::size_t size, double* __restrict scores) {
+  for (std::size_t i = 0; i < size; ++i) scores[i] += block_score<kNorm>(sums[i], counts[i]);
+}
+
+// Sums over the boxes wide x high whose first cells are [column, column + columns) x [row, row +
+// rows), from a summed-area table with `stride` values a row.
+template <class T>
+void box_sums(const std::vector<T>& table, int stride, int column, int row, int columns, int rows,
+              int wide, int high, T* __restrict out) {
+  for (int r = row; r < row + rows; ++r, out += columns) {
+    const T* above = table.data() + static_cast<std::ptrdiff_t>(r) * stride + column;
+    const T* below = above + static_cast<std::ptrdiff_t>(high) * stride;
+    for (int c = 0; c < columns; ++c)
+      out[c] = below[c + wide] - above[c + wide] - below[c] + above[c];
+  }
+}
 
 // Slides a window of length_u x length_v over words laid out u-major, back and forth, and writes
 // sum_v w_v sqrt(h_v) of every position to out[u * out_u + v * out_v]. steps[h] is
 // sqrt(h + 1) - sqrt(h). Each step only touches the words that enter and leave, so the time does
 // not depend on the vocabulary.
 void slide(const std::uint16_t* cells, int stride, int positions_u, int positions_v, int length_u,
-           int length_v, const std::int32_t* steps, WordState* words, std::int64_t* out, int out_u,
-           int out_v) {
+           int length_v, const std::int32_t* steps, WindowScratch::Word* words, std::int64_t* out,
+           int out_u, int out_v) {
   std::int64_t sum = 0;
   const auto add = [&](std::uint16_t cell) {
-    WordState& word = words[cell];
+    WindowScratch::Word& word = words[cell];
     sum += static_cast<std::int64_t>(word.weight) * steps[word.count++];
   };
   const auto remove = [&](std::uint16_t cell) {
-    WordState& word = words[cell];
+    WindowScratch::Word& word = words[cell];
     sum -= static_cast<std::int64_t>(word.weight) * steps[--word.count];
   };
   for (int u = 0; u < length_u; ++u) {
@@ -290,39 +306,48 @@ WindowScorer::WindowScorer(const ScoreModel& model, std::span<const bovw::WordGr
 }
 
 WindowScores WindowScorer::score(int part, const WindowShape& shape) const {
-  const auto& classifier = model_.parts.at(static_cast<std::size_t>(part));
+  WindowScratch scratch;
   WindowScores result;
-  result.window_columns = bovw::window_cells(shape.width_px, grid().step_px);
-  result.window_rows = bovw::window_cells(shape.height_px, grid().step_px);
-  const int wide = result.window_columns, high = result.window_rows;
+  score(part, shape, scratch, result);
+  return result;
+}
+
+void WindowScorer::score(int part, const WindowShape& shape, WindowScratch& scratch,
+                         WindowScores& result) const {
+  const auto& classifier = model_.parts.at(static_cast<std::size_t>(part));
+  const int wide = bovw::window_cells(shape.width_px, grid().step_px);
+  const int high = bovw::window_cells(shape.height_px, grid().step_px);
+  result.window_columns = wide;
+  result.window_rows = high;
   result.positions = {bounds_.column - wide / 2, bounds_.row - high / 2, bounds_.columns,
                       bounds_.rows};
-  if (bounds_.columns == 0) return result;
-  if (wide > pad_columns_ || high > pad_rows_)
-    throw Error("the window shape is larger than those of the score model");
   const auto positions =
       static_cast<std::size_t>(bounds_.columns) * static_cast<std::size_t>(bounds_.rows);
   result.scores.assign(positions, classifier.bias);
-  std::vector<std::int64_t> sums(positions);
-  std::vector<std::int32_t> totals(positions, 0);
+  if (positions == 0) return;
+  if (wide > pad_columns_ || high > pad_rows_)
+    throw Error("the window shape is larger than those of the score model");
+  scratch.sums.resize(positions);
+  scratch.counts.resize(positions);
+  scratch.totals.assign(positions, 0);
   // First cell of the first window in the padded layout.
   const int column0 = pad_columns_ - wide / 2, row0 = pad_rows_ - high / 2;
   for (std::size_t b = 0; b < layouts_.size(); ++b) {
     const auto& layout = layouts_[b];
     const auto& weights = classifier.weights[b];
     if (model_.norm == HistogramNorm::kSqrtL2) {
-      std::vector<WordState> words;
-      words.reserve(weights.size() + 1);
+      auto& words = scratch.words;
+      words.clear();
       for (const auto weight : weights) words.push_back({weight, 0});
       words.push_back({0, 0});  // no word
       // The shorter edge moves.
       if (high <= wide) {
         slide(layout.by_column.data() + column0 * rows_ + row0, rows_, bounds_.columns,
-              bounds_.rows, wide, high, root_steps_.data(), words.data(), sums.data(), 1,
+              bounds_.rows, wide, high, root_steps_.data(), words.data(), scratch.sums.data(), 1,
               bounds_.columns);
       } else {
         slide(layout.by_row.data() + row0 * columns_ + column0, columns_, bounds_.rows,
-              bounds_.columns, high, wide, root_steps_.data(), words.data(), sums.data(),
+              bounds_.columns, high, wide, root_steps_.data(), words.data(), scratch.sums.data(),
               bounds_.columns, 1);
       }
     } else {
@@ -337,25 +362,19 @@ WindowScores WindowScorer::score(int part, const WindowShape& shape) const {
               table[static_cast<std::size_t>(row * (columns_ + 1) + column + 1)] + in_row;
         }
       }
-      std::size_t i = 0;
-      for (int row = row0; row < row0 + bounds_.rows; ++row) {
-        for (int column = column0; column < column0 + bounds_.columns; ++column, ++i)
-          sums[i] = box_sum(table, column, row, wide, high);
-      }
+      box_sums(table, columns_ + 1, column0, row0, bounds_.columns, bounds_.rows, wide, high,
+               scratch.sums.data());
     }
-    std::size_t i = 0;
-    for (int row = row0; row < row0 + bounds_.rows; ++row) {
-      for (int column = column0; column < column0 + bounds_.columns; ++column, ++i) {
-        const int count = box_sum(layout.counts, column, row, wide, high);
-        totals[i] += count;
-        result.scores[i] += block_score(model_.norm, sums[i], count);
-      }
-    }
+    box_sums(layout.counts, columns_ + 1, column0, row0, bounds_.columns, bounds_.rows, wide, high,
+             scratch.counts.data());
+    for (std::size_t i = 0; i < positions; ++i) scratch.totals[i] += scratch.counts[i];
+    const auto add = model_.norm == HistogramNorm::kSqrtL2 ? add_scores<HistogramNorm::kSqrtL2>
+                     : model_.norm == HistogramNorm::kL1   ? add_scores<HistogramNorm::kL1>
+                                                           : add_scores<HistogramNorm::kRaw>;
+    add(scratch.sums.data(), scratch.counts.data(), positions, result.scores.data());
   }
-  for (std::size_t i = 0; i < positions; ++i) {
-    if (totals[i] < model_.min_words) result.scores[i] = kNone;
-  }
-  return result;
+  for (std::size_t i = 0; i < positions; ++i)
+    result.scores[i] = scratch.totals[i] < model_.min_words ? kNone : result.scores[i];
 }
 
 }  // namespace weft::detector

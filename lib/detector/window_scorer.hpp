@@ -75,6 +75,17 @@ struct WindowScores {
   std::vector<double> scores;  // positions.columns * positions.rows, row-major; NaN: dropped
 };
 
+/// Memory that score() works in, kept from one call to the next.
+struct WindowScratch {
+  struct Word {
+    std::int32_t weight;
+    std::int32_t count;
+  };
+  std::vector<Word> words;
+  std::vector<std::int64_t> sums;
+  std::vector<std::int32_t> counts, totals;
+};
+
 /// The word grids of one frame, laid out for sliding windows.
 class WindowScorer {
  public:
@@ -85,6 +96,8 @@ class WindowScorer {
   /// shape is at most as large as the largest of the model. May be called from several threads at
   /// once. The time does not depend on the vocabulary size but for clearing one histogram.
   WindowScores score(int part, const WindowShape& shape) const;
+  void score(int part, const WindowShape& shape, WindowScratch& scratch,
+             WindowScores& result) const;
 
   const ScoreModel& model() const { return model_; }
   const bovw::WordGrid& grid() const { return *grids_.front(); }
@@ -104,15 +117,6 @@ class WindowScorer {
     std::vector<std::uint16_t> by_row, by_column;
     std::vector<std::int32_t> counts;  // summed-area table
   };
-  // Sum over a box from a summed-area table of the padded layout.
-  template <class T>
-  T box_sum(const std::vector<T>& table, int column, int row, int wide, int high) const {
-    const auto at = [&](int c, int r) {
-      return table[static_cast<std::size_t>(r * (columns_ + 1) + c)];
-    };
-    return at(column + wide, row + high) - at(column, row + high) - at(column + wide, row) +
-           at(column, row);
-  }
   const ScoreModel& model_;
   std::vector<const bovw::WordGrid*> grids_;
   bovw::CellBox bounds_;                  // of the mask
