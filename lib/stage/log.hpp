@@ -31,6 +31,8 @@ class LogReader {
   /// The next whole event; false at the end of the file. Skips what is damaged and notes it.
   bool next(LogEvent& event);
   void rewind();
+  /// Back to where offset() was before an event.
+  void seek(std::int64_t offset) { offset_ = offset; }
   const std::vector<Damage>& damage() const { return damage_; }
   std::int64_t offset() const { return offset_; }  // of the next event; with size(): progress
   std::int64_t size() const { return size_; }
