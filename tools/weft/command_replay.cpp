@@ -1,0 +1,174 @@
+#include <fmt/format.h>
+
+#include <cstdio>
+#include <filesystem>
+#include <nlohmann/json.hpp>
+
+#include "base/error.hpp"
+#include "tools/weft/commands.hpp"
+#include "tools/weft/demo_page.hpp"
+#include "tools/weft/replay.hpp"
+#include "tools/weft/text_file.hpp"
+
+namespace weft {
+namespace {
+
+namespace fs = std::filesystem;
+
+void print_problems(const ReplayResult& result) {
+  for (const auto& each : result.damage) fmt::print(stderr, "damaged log: {}\n", each);
+  for (const auto& each : result.unanswered) fmt::print(stderr, "unanswered: frame {}\n", each);
+  for (const auto& each : result.inconsistencies)
+    fmt::print(stderr, "not the same answer to the same input: {}\n", each);
+}
+
+nlohmann::ordered_json to_json(const ReplayResult& result) {
+  nlohmann::ordered_json json;
+  json["frames"] = result.frames;
+  json["answered"] = result.answered;
+  json["failed"] = result.failed;
+  json["resends"] = result.resends;
+  json["restarts"] = result.restarts;
+  const auto timing = nlohmann::ordered_json::parse(to_json(result.timing));
+  json["frames_per_second"] = timing["frames_per_second"];
+  json["end_to_end"] = timing.value("end_to_end", nlohmann::ordered_json::object());
+  json["stages"] = timing["stages"];
+  return json;
+}
+
+Transport pick_transport(bool in_process, bool attach) {
+  if (in_process) return Transport::kInProcess;
+  if (attach) return Transport::kAttach;
+  std::string why;
+  const auto transport = choose_transport(why);
+  fmt::print("{}\n", why);
+  std::fflush(stdout);
+  return transport;
+}
+
+}  // namespace
+
+std::string find_in_project(const std::string& file) {
+  for (const auto& start : {fs::current_path(), program_folder()}) {
+    for (auto folder = start; !folder.empty(); folder = folder.parent_path()) {
+      if (fs::exists(folder / file)) return (folder / file).string();
+      if (folder == folder.root_path()) break;
+    }
+  }
+  throw Error(file + " is not there; run weft in the project's folder, or name the file");
+}
+
+int replay_command(const ReplayCommand& command, const StageRegistry& registry) {
+  catch_stop_signals();
+  auto set = ProcessSet::from_file(command.set);
+  for (const auto& swap : command.swaps) {
+    const auto equals = swap.find('=');
+    if (equals == std::string::npos || equals + 1 == swap.size())
+      throw Error("--swap " + swap + ": expected STAGE=PROGRAM");
+    const auto program = swap.substr(equals + 1);
+    set.find(swap.substr(0, equals)).exec =
+        program.find('/') == std::string::npos ? program : fs::absolute(program).string();
+  }
+  const auto transport = pick_transport(command.in_process, command.attach);
+  ReplayOptions options;
+  options.log = command.log;
+  options.out = command.out;
+  options.log_folder = command.out + ".logs";
+  options.player.window = command.window;
+  options.player.answer_timeout =
+      std::chrono::milliseconds(static_cast<int>(command.timeout_s * 1000));
+  const auto play = [&] {
+    return replay(set, transport, registry, options,
+                  [](const PlayedFrame&, const FrameContent&) {});
+  };
+  const auto result = play();
+  print_problems(result);
+  fmt::print("{} of {} frames answered on every channel, {} failed, {} sent again; {}\n",
+             result.answered, result.frames, result.failed, result.resends, command.out);
+  fmt::print("\n{}", to_text(result.timing));
+  if (!command.json.empty()) write_text_file(command.json, to_json(result).dump(2) + "\n");
+  bool good = result.good();
+  if (command.verify) {
+    std::string reference = command.reference;
+    if (reference.empty()) {
+      fmt::print("\nreplaying again to compare\n");
+      std::fflush(stdout);
+      options.out = reference = command.out + ".second";
+      good = play().good() && good;
+    }
+    const auto difference = first_difference(command.out, reference);
+    if (difference.empty()) {
+      fmt::print("verified: the same payloads on every channel\n");
+      if (command.reference.empty()) fs::remove(reference);
+    } else {
+      fmt::print(stderr, "not the same: {}\n", difference);
+      good = false;
+    }
+  }
+  return good ? 0 : 1;
+}
+
+int demo_command(const DemoCommand& command, const StageRegistry& registry) {
+  catch_stop_signals();
+  const auto set = ProcessSet::from_file(
+      command.set.empty() ? find_in_project("config/sets/parts-sift.yaml") : command.set);
+  ReplayOptions options;
+  options.log = command.log.empty() ? find_in_project("logs/sample.lcm") : command.log;
+  options.out = command.out + "/demo.lcm";
+  options.log_folder = command.out + "/logs";
+  options.frames = static_cast<std::size_t>(command.frames);
+  options.player.window = command.window;
+  const auto transport = pick_transport(command.in_process, false);
+  DemoPage page(command.out, command.threshold);
+  std::size_t detections = 0;
+  std::map<std::string, std::size_t> by_part;
+  std::string lines;
+  const auto result =
+      replay(set, transport, registry, options,
+             [&](const PlayedFrame& frame, const FrameContent& content) {
+               std::string found;
+               if (content.detections) {
+                 for (const auto& each : content.detections->detections) {
+                   if (each.probability < command.threshold) continue;
+                   ++detections;
+                   ++by_part[each.part];
+                   found += fmt::format("{}{} {:.2f}", found.empty() ? "" : ", ", each.part,
+                                        each.probability);
+                 }
+               }
+               if (frame.source.pass > 0) return;  // the same pictures again
+               page.add(frame, content);
+               if (found.empty())
+                 found = content.problems.empty() ? "nothing" : content.problems.front();
+               lines += fmt::format("  {:>4}  {:<28} {}\n", frame.source.name.seq,
+                                    content.rgbd ? content.rgbd->source : "", found);
+             });
+  fmt::print("\nWhat was found, with probabilities of {} or more:\n{}\n", command.threshold, lines);
+  for (const auto& [part, count] : by_part) fmt::print("  {:<22} {}\n", part, count);
+  fmt::print("\n{}\n", to_text(result.timing));
+  const std::string frames = std::to_string(result.frames);
+  fmt::print("{} frames, {} answered on every channel, {} failed, {} detections, {} sent again\n",
+             result.frames, result.answered, result.failed, detections, result.resends);
+  print_problems(result);
+  const bool all = result.answered == result.frames;
+  page.write(fmt::format("{} on {}", set.name, fs::path(options.log).filename().string()),
+             {{"frames", frames, ""},
+              {"answered by every stage", std::to_string(result.answered), all ? "good" : "bad"},
+              {"failed", std::to_string(result.failed), result.failed == 0 ? "good" : "bad"},
+              {"detections", std::to_string(detections), ""},
+              {"frames per second", fmt::format("{:.1f}", result.timing.frames_per_second), ""},
+              {"ms from frame to answer, median",
+               fmt::format("{:.0f}", result.timing.end_to_end.p50), ""}},
+             result.timing);
+  fmt::print("page: {}\n", (fs::path(command.out) / "index.html").string());
+  if (!command.json.empty()) {
+    auto json = to_json(result);
+    json["detections"] = detections;
+    json["threshold"] = command.threshold;
+    json["detections_by_part"] = by_part;
+    write_text_file(command.json, json.dump(2) + "\n");
+  }
+  return result.good() ? 0 : 1;
+}
+
+}  // namespace weft

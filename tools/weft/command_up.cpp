@@ -1,0 +1,208 @@
+#include <fmt/format.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <chrono>
+#include <cstdio>
+#include <map>
+#include <nlohmann/json.hpp>
+#include <thread>
+
+#include "base/error.hpp"
+#include "tools/weft/children.hpp"
+#include "tools/weft/commands.hpp"
+#include "tools/weft/message.hpp"
+#include "tools/weft/run_folder.hpp"
+#include "tools/weft/text_file.hpp"
+#include "weft/stage_status_t.hpp"
+
+namespace weft {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+using std::chrono::milliseconds;
+
+/// A process that has started this often before it was ready will not get ready.
+constexpr int kHopelessStarts = 4;
+
+std::string this_host() {
+  char name[256] = {};
+  gethostname(name, sizeof name - 1);
+  return name;
+}
+
+/// Takes what has arrived on STAGE_STATUS. The older report of each stage stays, for rates.
+struct Heard {
+  weft::stage_status_t first, last;
+};
+void listen(Bus& bus, milliseconds time, std::map<std::string, Heard>& heard) {
+  const auto message = bus.receive(time);
+  if (!message || message->channel != "STAGE_STATUS") return;
+  const auto status = decode_message<weft::stage_status_t>(message->data);
+  if (!status) return;
+  auto [at, is_new] = heard.emplace(status->stage, Heard{*status, *status});
+  if (at->second.last.header.session != status->header.session) at->second.first = *status;
+  at->second.last = *status;
+}
+
+std::string state_name(std::int8_t state) {
+  switch (state) {
+    case weft::stage_status_t::STARTING:
+      return "starting";
+    case weft::stage_status_t::RUNNING:
+      return "running";
+    case weft::stage_status_t::STOPPING:
+      return "stopping";
+    default:
+      return "unknown";
+  }
+}
+
+}  // namespace
+
+int up(const UpOptions& options) {
+  catch_stop_signals();
+  auto set = ProcessSet::from_file(options.set);
+  const auto host = options.host.empty() ? this_host() : options.host;
+  std::erase_if(set.processes, [&](const ProcessSpec& process) {
+    return !process.host.empty() && process.host != host;
+  });
+  if (set.processes.empty())
+    throw Error("set " + set.name + " has no process for host " + host +
+                "; give another with --host");
+  RunFolder folder(run_root() / set.name);
+  if (folder.running())
+    throw Error("set " + set.name +
+                " is running already; weft status shows it, weft down stops it");
+  const auto url = url_of(set);
+  const auto bus = make_lcm_bus(url);  // before the processes, so that no report is missed
+  folder.write(set, url.to_string(), set.lock_step);
+  folder.start_supervisor();
+  std::map<std::string, Heard> heard;
+  const auto deadline = Clock::now() + milliseconds(static_cast<int>(options.ready_s * 1000));
+  try {
+    for (auto checked = Clock::now();;) {
+      listen(*bus, milliseconds(50), heard);
+      std::string missing;
+      for (const auto& process : set.processes) {
+        const auto at = heard.find(process.name);
+        if (at == heard.end() || at->second.last.state != weft::stage_status_t::RUNNING)
+          missing += (missing.empty() ? "" : ", ") + process.name;
+      }
+      if (missing.empty()) break;
+      if (stop_requested()) throw Interrupted{};
+      if (Clock::now() > deadline)
+        throw Error(fmt::format("not ready after {} s: {}; weft logs NAME shows why",
+                                options.ready_s, missing));
+      if (Clock::now() - checked < milliseconds(500)) continue;
+      checked = Clock::now();
+      for (const auto& process : folder.processes()) {
+        if (process.starts >= kHopelessStarts && !heard.contains(process.name))
+          throw Error("process " + process.name +
+                      " ends right after it starts:" + last_lines(folder.log(process.name), 12));
+      }
+    }
+  } catch (...) {
+    folder.stop();
+    throw;
+  }
+  fmt::print("{}: {} processes are running\n", set.name, set.processes.size());
+  for (const auto& process : set.processes)
+    fmt::print("  {:<20} process {}\n", process.name, heard.at(process.name).last.pid);
+  fmt::print("logs are in {}\n", folder.path().string());
+  return 0;
+}
+
+int down(const std::string& set) {
+  const auto folder = RunFolder::find(set);
+  folder.stop();
+  fmt::print("{} stopped\n", folder.path().filename().string());
+  return 0;
+}
+
+int status(const StatusOptions& options) {
+  const auto folder = RunFolder::find(options.set);
+  const auto processes = folder.processes();
+  std::map<std::string, Heard> heard;
+  std::string not_heard;
+  try {
+    const auto bus = make_lcm_bus(stage::LcmUrl::parse(folder.url()));
+    const auto end = Clock::now() + milliseconds(static_cast<int>(options.listen_s * 1000));
+    while (Clock::now() < end) listen(*bus, milliseconds(50), heard);
+  } catch (const Error& e) {
+    not_heard = e.what();
+  }
+  nlohmann::ordered_json json;
+  json["set"] = folder.path().filename().string();
+  json["supervisor"] = folder.running();
+  bool all_well = folder.running() && not_heard.empty();
+  fmt::print("{:<20} {:>7} {:<9} {:>6} {:>8} {:>8} {:>7} {:>6} {:>7} {:>8} {:>7}  {}\n", "process",
+             "pid", "state", "starts", "in", "out", "dropped", "failed", "missing", "frames/s",
+             "MB", "last error");
+  for (const auto& process : processes) {
+    auto& entry = json["processes"][process.name];
+    entry["pid"] = process.pid;
+    entry["supervised"] = process.state;
+    entry["starts"] = process.starts;
+    const auto at = heard.find(process.name);
+    if (at == heard.end() || process.pid == 0) {
+      all_well = false;
+      entry["state"] = "silent";
+      fmt::print("{:<20} {:>7} {:<9} {:>6}\n", process.name, process.pid,
+                 process.pid == 0 ? "stopped" : "silent", process.starts);
+      continue;
+    }
+    const auto& [first, last] = at->second;
+    const double seconds = static_cast<double>(last.header.utime - first.header.utime) * 1e-6;
+    const auto answered = [](const weft::stage_status_t& s) {
+      return s.frames_out + s.frames_dropped + s.frames_failed + s.frames_missing_input;
+    };
+    const double rate =
+        seconds > 0 ? static_cast<double>(answered(last) - answered(first)) / seconds : 0;
+    all_well = all_well && last.state == weft::stage_status_t::RUNNING;
+    entry["state"] = state_name(last.state);
+    entry["frames_in"] = last.frames_in;
+    entry["frames_out"] = last.frames_out;
+    entry["frames_dropped"] = last.frames_dropped;
+    entry["frames_failed"] = last.frames_failed;
+    entry["frames_missing_input"] = last.frames_missing_input;
+    entry["gaps"] = last.gaps;
+    entry["decode_failures"] = last.decode_failures;
+    entry["invalid_inputs"] = last.invalid_inputs;
+    entry["frames_per_second"] = rate;
+    entry["resident_bytes"] = last.resident_bytes;
+    entry["last_error"] = last.last_error;
+    fmt::print("{:<20} {:>7} {:<9} {:>6} {:>8} {:>8} {:>7} {:>6} {:>7} {:>8.1f} {:>7.1f}  {}\n",
+               process.name, last.pid, state_name(last.state), process.starts, last.frames_in,
+               last.frames_out, last.frames_dropped, last.frames_failed, last.frames_missing_input,
+               rate, static_cast<double>(last.resident_bytes) / 1e6, last.last_error);
+  }
+  if (!folder.running())
+    fmt::print(
+        "the supervisor is not running; weft down cleans up, weft up starts the set again\n");
+  if (!not_heard.empty()) fmt::print("cannot listen to the processes: {}\n", not_heard);
+  if (!options.json.empty()) write_text_file(options.json, json.dump(2) + "\n");
+  return all_well ? 0 : 1;
+}
+
+int logs(const LogsOptions& options) {
+  const auto file = RunFolder::find(options.set).log(options.process);
+  std::vector<std::string> command{"tail", "-n", std::to_string(options.lines)};
+  if (options.follow) command.push_back("-F");
+  command.push_back(file.string());
+  std::vector<char*> args;
+  for (const auto& arg : command) args.push_back(const_cast<char*>(arg.c_str()));
+  args.push_back(nullptr);
+  execvp(args[0], args.data());
+  throw Error("cannot run tail");
+}
+
+int restart(const std::string& process, const std::string& set) {
+  const auto folder = RunFolder::find(set);
+  static_cast<void>(folder.log(process));  // knows the processes' names
+  folder.control({"restart", process});
+  fmt::print("{} restarted\n", process);
+  return 0;
+}
+
+}  // namespace weft

@@ -1,0 +1,65 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "tools/weft/session.hpp"
+
+/// The subcommands of weft. Each returns the exit status: 0 only when all was well.
+namespace weft {
+
+struct UpOptions {
+  std::string set;
+  std::string host;  // empty: this one
+  double ready_s = 60;
+};
+int up(const UpOptions& options);
+int down(const std::string& set);
+struct StatusOptions {
+  std::string set;
+  std::string json;
+  double listen_s = 2.2;
+};
+int status(const StatusOptions& options);
+struct LogsOptions {
+  std::string process;
+  std::string set;
+  int lines = 30;
+  bool follow = false;
+};
+int logs(const LogsOptions& options);
+int restart(const std::string& process, const std::string& set);
+
+struct ReplayCommand {
+  std::string log, set, out, json;
+  bool verify = false;
+  std::string reference;
+  bool in_process = false, attach = false;
+  int window = 4;
+  double timeout_s = 60;
+  std::vector<std::string> swaps;  // STAGE=EXE
+};
+int replay_command(const ReplayCommand& command, const StageRegistry& registry);
+
+struct DemoCommand {
+  std::string log, set, json;
+  std::string out = "out/demo";
+  long frames = 0;
+  double threshold = 0.5;
+  int window = 4;
+  bool in_process = false;
+};
+int demo_command(const DemoCommand& command, const StageRegistry& registry);
+
+int timing_command(const std::string& log, const std::string& json, const std::string& html);
+int log_info_command(const std::string& log, const std::string& json);
+int log_hash_command(const std::string& log);
+
+/// A file of the project, looked for from the working folder and from the program's folder upwards.
+/// Throws Error when it is nowhere.
+std::string find_in_project(const std::string& file);
+
+/// Stages this program was built with.
+const StageRegistry& built_in_stages();
+
+}  // namespace weft

@@ -1,0 +1,200 @@
+#include <fmt/format.h>
+#include <unistd.h>
+
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <cstdio>
+#include <filesystem>
+#include <functional>
+#include <map>
+
+#include "base/error.hpp"
+#include "stage/telemetry.hpp"
+#include "tools/weft/commands.hpp"
+
+namespace {
+
+using namespace weft;
+
+/// Subcommands that are programs of their own, beside this one.
+const std::map<std::string, std::string> kPrograms = {
+    {"capture", "turn scans or a camera into RGBD_FRAME messages or a log"},
+    {"train", "models from a dataset"},
+    {"evaluate", "the tables of the papers from models"},
+    {"synth", "make synthetic scenes"},
+    {"bench", "benchmarks, each with its peer in the same run"},
+};
+
+/// weft bench NAME is the program weft-bench-NAME.
+int run_program(const std::string& name, std::vector<std::string> args) {
+  std::string program = "weft-" + name;
+  if (name == "bench") {
+    if (args.empty() || args.front().starts_with("-")) {
+      fmt::print("usage: weft bench NAME [options]; built here:");
+      for (const auto& entry : std::filesystem::directory_iterator(program_folder())) {
+        const auto file = entry.path().filename().string();
+        if (file.starts_with("weft-bench-")) fmt::print(" {}", file.substr(11));
+      }
+      fmt::print("\n");
+      return args.empty() || args.front() != "--help" ? 2 : 0;
+    }
+    program += "-" + args.front();
+    args.erase(args.begin());
+  }
+  const auto path = program_folder() / program;
+  if (access(path.c_str(), X_OK) != 0)
+    throw Error(path.string() + " is not built; build the target " + program);
+  std::string path_text = path.string();
+  std::vector<char*> argv{path_text.data()};
+  for (auto& arg : args) argv.push_back(arg.data());
+  argv.push_back(nullptr);
+  execv(argv[0], argv.data());
+  throw Error("cannot run " + path_text);
+}
+
+int run(int argc, char** argv) {
+  if (argc > 1 && kPrograms.contains(argv[1]))
+    return run_program(argv[1], std::vector<std::string>(argv + 2, argv + argc));
+
+  CLI::App app("Weft: perception for robots that handle clothes", "weft");
+  app.set_version_flag("--version", stage::build_text());
+  app.require_subcommand(1);
+  std::function<int()> chosen;
+
+  DemoCommand demo;
+  auto* sub = app.add_subcommand("demo", "the main job on the sample log: parts and grasp points");
+  sub->add_option("--set", demo.set, "process set; default config/sets/parts-sift.yaml");
+  sub->add_option("--log", demo.log, "log to play; default logs/sample.lcm");
+  sub->add_option("--loop", demo.frames, "frames to play, repeating the log as new frames")
+      ->check(CLI::Range(1, 10000000));
+  sub->add_option("--json", demo.json, "write the figures to this file");
+  sub->add_option("--out", demo.out, "folder for the page")->capture_default_str();
+  sub->add_option("--threshold", demo.threshold, "probability a detection must have to be counted")
+      ->check(CLI::Range(0.0, 1.0))
+      ->capture_default_str();
+  sub->add_option("--window", demo.window, "frames in flight")
+      ->check(CLI::Range(1, 64))
+      ->capture_default_str();
+  sub->add_flag("--in-process", demo.in_process, "all stages in one process");
+  sub->callback([&] { chosen = [&] { return demo_command(demo, built_in_stages()); }; });
+
+  UpOptions up_options;
+  sub = app.add_subcommand("up", "start a process set on this host and keep it running");
+  sub->add_option("set", up_options.set, "process set, e.g. config/sets/parts-sift.yaml")
+      ->required();
+  sub->add_option("--host", up_options.host, "run the processes of this host; default: its name");
+  sub->add_option("--ready-s", up_options.ready_s, "how long the processes may take to be ready")
+      ->check(CLI::Range(1.0, 3600.0))
+      ->capture_default_str();
+  sub->callback([&] { chosen = [&] { return up(up_options); }; });
+
+  std::string set_name;
+  sub = app.add_subcommand("down", "stop a running set");
+  sub->add_option("set", set_name, "its name or file; not needed when only one is running");
+  sub->callback([&] { chosen = [&] { return down(set_name); }; });
+
+  StatusOptions status_options;
+  sub = app.add_subcommand("status", "how the processes of a running set are doing");
+  sub->add_option("set", status_options.set, "its name or file");
+  sub->add_option("--json", status_options.json, "write it to this file");
+  sub->add_option("--listen-s", status_options.listen_s, "how long to listen to STAGE_STATUS")
+      ->check(CLI::Range(0.1, 60.0))
+      ->capture_default_str();
+  sub->callback([&] { chosen = [&] { return status(status_options); }; });
+
+  LogsOptions logs_options;
+  sub = app.add_subcommand("logs", "what a process of a running set wrote");
+  sub->add_option("process", logs_options.process)->required();
+  sub->add_option("--set", logs_options.set, "name or file of the set");
+  sub->add_option("-n,--lines", logs_options.lines, "how many lines")
+      ->check(CLI::Range(1, 1000000))
+      ->capture_default_str();
+  sub->add_flag("-f,--follow", logs_options.follow, "go on as it writes more");
+  sub->callback([&] { chosen = [&] { return logs(logs_options); }; });
+
+  std::string process;
+  sub = app.add_subcommand("restart", "stop and start one process of a running set");
+  sub->add_option("process", process)->required();
+  sub->add_option("--set", set_name, "name or file of the set");
+  sub->callback([&] { chosen = [&] { return restart(process, set_name); }; });
+
+  ReplayCommand replay;
+  sub =
+      app.add_subcommand("replay", "play the source channels of a log through a set, in lock-step");
+  sub->add_option("log", replay.log)->required();
+  sub->add_option("--set", replay.set, "process set")->required();
+  sub->add_option("--out", replay.out, "log to write")->required();
+  auto* verify = sub->add_option("--verify", replay.reference,
+                                 "compare with this log; without one, with a second replay")
+                     ->expected(0, 1);
+  sub->add_option("--json", replay.json, "write the figures to this file");
+  sub->add_option("--swap", replay.swaps, "another program for one stage; may be repeated")
+      ->type_name("STAGE=PROGRAM");
+  sub->add_option("--window", replay.window, "frames in flight")
+      ->check(CLI::Range(1, 64))
+      ->capture_default_str();
+  sub->add_option("--timeout-s", replay.timeout_s, "then a frame counts as unanswered")
+      ->check(CLI::Range(0.1, 86400.0))
+      ->capture_default_str();
+  auto* in_process = sub->add_flag("--in-process", replay.in_process, "all stages in one process");
+  sub->add_flag("--attach", replay.attach, "use the processes that run already, in lock-step")
+      ->excludes(in_process);
+  sub->callback([&] {
+    replay.verify = verify->count() > 0;
+    chosen = [&] { return replay_command(replay, built_in_stages()); };
+  });
+
+  std::string log, json, html;
+  sub = app.add_subcommand("timing", "where the time went, from a log's STAGE_TIMING");
+  sub->add_option("log", log)->required();
+  sub->add_option("--json", json, "write the table to this file");
+  sub->add_option("--html", html, "write a page with the timeline to this file");
+  sub->callback([&] { chosen = [&] { return timing_command(log, json, html); }; });
+
+  auto* log_command = app.add_subcommand("log", "look into a log");
+  log_command->require_subcommand(1);
+  sub = log_command->add_subcommand("info", "channels, frames, sizes and damage");
+  sub->add_option("log", log)->required();
+  sub->add_option("--json", json, "write it to this file");
+  sub->callback([&] { chosen = [&] { return log_info_command(log, json); }; });
+
+  sub = log_command->add_subcommand(
+      "hash",
+      "a line for each payload (seq, channel, hash): what two equal replays have in common");
+  sub->add_option("log", log)->required();
+  sub->callback([&] { chosen = [&] { return log_hash_command(log); }; });
+
+  std::string programs;
+  for (const auto& [name, summary] : kPrograms)
+    programs += fmt::format("  {:<27} {}\n", name, summary);
+  app.footer("Programs of their own:\n" + programs + "\nweft COMMAND --help says more.");
+
+  // CLI11 would only say that a subcommand is missing.
+  const auto known = app.get_subcommands([](CLI::App* each) { return !each->get_name().empty(); });
+  if (argc > 1 && argv[1][0] != '-' &&
+      std::none_of(known.begin(), known.end(),
+                   [&](const CLI::App* each) { return each->get_name() == argv[1]; })) {
+    fmt::print(stderr, "weft: there is no command '{}'; weft --help lists them\n", argv[1]);
+    return 2;
+  }
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& e) {
+    return app.exit(e) == 0 ? 0 : 2;
+  }
+  return chosen();
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  try {
+    return run(argc, argv);
+  } catch (const weft::Interrupted&) {
+    fmt::print(stderr, "\nstopped\n");
+    return 130;
+  } catch (const std::exception& e) {
+    fmt::print(stderr, "weft: {}\n", e.what());
+    return 1;
+  }
+}

@@ -1,0 +1,271 @@
+#include "tools/weft/process_set.hpp"
+
+#include <unistd.h>
+#include <yaml-cpp/yaml.h>
+
+#include <algorithm>
+#include <fstream>
+#include <set>
+#include <sstream>
+
+#include "base/error.hpp"
+
+namespace weft {
+namespace {
+
+namespace fs = std::filesystem;
+
+/// A YAML map with these keys and no others, each at most once.
+class StrictMap {
+ public:
+  StrictMap(const YAML::Node& node, std::string file, std::string what,
+            const std::set<std::string>& keys)
+      : node_(node), file_(std::move(file)), what_(std::move(what)) {
+    if (!node_.IsMap()) fail(node_, what_ + " must be a map (key: value lines)");
+    std::string known;
+    for (const auto& each : keys) known += (known.empty() ? "" : ", ") + each;
+    std::set<std::string> seen;
+    for (const auto& entry : node_) {
+      const auto key = entry.first.as<std::string>();
+      if (!keys.contains(key))
+        fail(entry.first, "unknown key '" + key + "' in " + what_ + "; expected one of: " + known);
+      if (!seen.insert(key).second) fail(entry.first, "key '" + key + "' stands twice in " + what_);
+    }
+  }
+
+  template <class T>
+  T get(const char* key, const T& otherwise, const char* expected) {
+    const YAML::Node child = find(key);
+    return child ? convert<T>(child, key, expected) : otherwise;
+  }
+  template <class T>
+  T need(const char* key, const char* expected) {
+    const YAML::Node child = find(key);
+    if (!child) fail(node_, what_ + " has no key '" + key + "'; expected " + expected);
+    return convert<T>(child, key, expected);
+  }
+  int integer(const char* key, int otherwise, int low, int high) {
+    const std::string expected =
+        "a whole number from " + std::to_string(low) + " to " + std::to_string(high);
+    const int value = get<int>(key, otherwise, expected.c_str());
+    if (value < low || value > high)
+      fail(find(key), std::string(key) + " is " + std::to_string(value) + "; expected " + expected);
+    return value;
+  }
+  YAML::Node find(const char* key) const {
+    for (const auto& entry : node_) {
+      if (entry.first.as<std::string>() == key) return entry.second;
+    }
+    return YAML::Node(YAML::NodeType::Undefined);
+  }
+  [[noreturn]] void fail(const YAML::Node& at, const std::string& text) const {
+    const int line = at.Mark().line;
+    throw Error(file_ + (line >= 0 ? ":" + std::to_string(line + 1) : "") + ": " + text);
+  }
+
+ private:
+  template <class T>
+  T convert(const YAML::Node& child, const char* key, const char* expected) {
+    try {
+      return child.as<T>();
+    } catch (const YAML::Exception&) {
+      fail(child, std::string(key) + " of " + what_ + " must be " + expected);
+    }
+  }
+  YAML::Node node_;
+  std::string file_;
+  std::string what_;
+};
+
+void check_channel(const StrictMap& map, const YAML::Node& at, const std::string& channel) {
+  const bool plain = std::all_of(channel.begin(), channel.end(), [](char c) {
+    return (c >= 'A' && c <= 'Z') || (c >= 'a' && c <= 'z') || (c >= '0' && c <= '9') || c == '_' ||
+           c == '@' || c == '-' || c == '.';
+  });
+  if (channel.empty() || channel.size() > 63 || !plain)
+    map.fail(at, "'" + channel + "' is not a channel: 1 to 63 letters, digits, _ @ - or .");
+}
+
+void check_name(const StrictMap& map, const YAML::Node& at, const std::string& name) {
+  const bool plain = std::all_of(name.begin(), name.end(), [](char c) {
+    return (c >= 'A' && c <= 'Z') || (c >= 'a' && c <= 'z') || (c >= '0' && c <= '9') || c == '_' ||
+           c == '-' || c == '@';
+  });
+  if (name.empty() || name.size() > 48 || !plain)
+    map.fail(at, "'" + name + "' is not a name: 1 to 48 letters, digits, _ @ or -");
+}
+
+// Nested settings as assignments that Settings::set takes: "group.key=value".
+void flatten(const StrictMap& map, const YAML::Node& node, const std::string& path,
+             std::vector<std::string>& out) {
+  if (node.IsMap()) {
+    for (const auto& entry : node) {
+      const auto key = entry.first.as<std::string>();
+      flatten(map, entry.second, path.empty() ? key : path + "." + key, out);
+    }
+    return;
+  }
+  if (node.IsScalar()) {
+    out.push_back(path + "=" + node.Scalar());
+  } else if (node.IsSequence()) {
+    YAML::Emitter text;
+    text << YAML::Flow << node;
+    out.push_back(path + "=" + text.c_str());
+  } else {
+    map.fail(node, "with: " + path + " has no value");
+  }
+}
+
+ProcessSpec read_process(const YAML::Node& node, const fs::path& file) {
+  StrictMap map(
+      node, file.string(), "a process",
+      {"name", "exec", "settings", "with", "map", "host", "queue", "deadline_ms", "stop_wait_s"});
+  ProcessSpec process;
+  process.name = map.need<std::string>("name", "a name");
+  check_name(map, node, process.name);
+  process.exec = map.need<std::string>("exec", "a program beside weft, or a path");
+  if (process.exec.empty())
+    map.fail(node, "exec is empty; expected a program beside weft, or a path");
+  const auto settings = map.get<std::string>("settings", "", "the path of a settings file");
+  if (!settings.empty()) {
+    process.settings = fs::absolute(file.parent_path() / settings).lexically_normal();
+    if (!fs::is_regular_file(process.settings))
+      map.fail(map.find("settings"), "settings file " + process.settings.string() +
+                                         " does not exist (paths are relative to the set file)");
+  }
+  if (const YAML::Node with = map.find("with")) {
+    if (!with.IsMap()) map.fail(with, "with must be a map of settings");
+    flatten(map, with, "", process.with);
+  }
+  if (const YAML::Node channels = map.find("map")) {
+    if (!channels.IsMap()) map.fail(channels, "map must be a map CHANNEL: OTHER");
+    for (const auto& entry : channels) {
+      const auto from = entry.first.as<std::string>();
+      const auto to = entry.second.IsScalar() ? entry.second.Scalar() : "";
+      check_channel(map, entry.first, from);
+      check_channel(map, entry.second, to);
+      process.map[from] = to;
+    }
+  }
+  process.host = map.get<std::string>("host", "", "a host name");
+  process.queue = map.integer("queue", 0, 0, 10000);
+  process.deadline_ms = map.integer("deadline_ms", 0, 0, 600000);
+  process.stop_wait_s = map.integer("stop_wait_s", 5, 1, 600);
+  return process;
+}
+
+}  // namespace
+
+ProcessSet ProcessSet::from_file(const fs::path& file) {
+  std::ifstream in(file);
+  std::ostringstream text;
+  if (!fs::is_regular_file(file) || !in || !(text << in.rdbuf()))
+    throw Error(file.string() +
+                ": cannot read the process set; ready-made ones are in config/sets/");
+  return from_text(text.str(), file);
+}
+
+ProcessSet ProcessSet::from_text(const std::string& text, const fs::path& file) {
+  YAML::Node root;
+  try {
+    root = YAML::Load(text);
+  } catch (const YAML::Exception& e) {
+    throw Error(file.string() + ":" + std::to_string(e.mark.line + 1) +
+                ": not valid YAML: " + e.msg);
+  }
+  StrictMap map(root, file.string(), "the process set",
+                {"name", "mode", "lcm", "sources", "processes"});
+  ProcessSet set;
+  set.file = fs::absolute(file);
+  set.name = map.get<std::string>("name", file.stem().string(), "a name");
+  check_name(map, root, set.name);
+  const auto mode = map.get<std::string>("mode", "live", "live or lock-step");
+  if (mode != "live" && mode != "lock-step")
+    map.fail(map.find("mode"), "mode is '" + mode + "'; expected live or lock-step");
+  set.lock_step = mode == "lock-step";
+  if (const YAML::Node node = map.find("lcm")) {
+    StrictMap lcm(node, file.string(), "lcm", {"group", "port", "ttl", "receive_buffer"});
+    set.group = lcm.get<std::string>("group", set.group, "a multicast address");
+    unsigned a = 0, b = 0, c = 0, d = 0;
+    char rest = 0;
+    if (std::sscanf(set.group.c_str(), "%3u.%3u.%3u.%3u%c", &a, &b, &c, &d, &rest) != 4 ||
+        a < 224 || a > 239 || b > 255 || c > 255 || d > 255)
+      lcm.fail(node, "group is '" + set.group + "'; expected 224.0.0.0 to 239.255.255.255");
+    set.port = lcm.integer("port", set.port, 1024, 65535);
+    set.ttl = lcm.integer("ttl", set.ttl, 0, 255);
+    set.receive_buffer = lcm.integer("receive_buffer", set.receive_buffer, 65536, 1 << 30);
+  }
+  if (const YAML::Node node = map.find("sources")) {
+    set.sources = map.get<std::vector<std::string>>("sources", {}, "a list of channels");
+    for (const auto& channel : set.sources) check_channel(map, node, channel);
+  }
+  if (set.sources.empty())
+    map.fail(root, "the set names no source channels; expected sources: [RGBD_FRAME]");
+  const YAML::Node processes = map.find("processes");
+  if (!processes || !processes.IsSequence() || processes.size() == 0)
+    map.fail(processes ? processes : root, "expected processes: a list with at least one process");
+  std::set<std::string> names;
+  for (const auto& node : processes) {
+    set.processes.push_back(read_process(node, set.file));
+    if (!names.insert(set.processes.back().name).second)
+      map.fail(node, "two processes are named '" + set.processes.back().name + "'");
+  }
+  return set;
+}
+
+ProcessSpec& ProcessSet::find(const std::string& process) {
+  std::string known;
+  for (auto& each : processes) {
+    if (each.name == process) return each;
+    known += (known.empty() ? "" : ", ") + each.name;
+  }
+  throw Error("set " + name + " has no process '" + process + "'; it has: " + known);
+}
+
+fs::path program_folder() { return fs::read_symlink("/proc/self/exe").parent_path(); }
+
+fs::path find_program(const ProcessSet& set, const ProcessSpec& process) {
+  const bool is_path = process.exec.find('/') != std::string::npos;
+  const fs::path program =
+      (is_path ? set.file.parent_path() / process.exec : program_folder() / process.exec)
+          .lexically_normal();
+  if (access(program.c_str(), X_OK) != 0 || !fs::is_regular_file(program)) {
+    throw Error("process " + process.name + " of " + set.file.string() + ": no program " +
+                program.string() +
+                (is_path ? "" : "; build it, or give exec: a path with a '/' in it"));
+  }
+  return program;
+}
+
+std::vector<std::string> command_line(const ProcessSet& set, const ProcessSpec& process,
+                                      const std::string& url, bool lock_step) {
+  std::vector<std::string> args{find_program(set, process).string(), "--name", process.name,
+                                "--url", url};
+  if (!process.settings.empty()) {
+    args.push_back("--settings");
+    args.push_back(process.settings.string());
+  }
+  for (const auto& assignment : process.with) {
+    args.push_back("--set");
+    args.push_back(assignment);
+  }
+  for (const auto& [from, to] : process.map) {
+    args.push_back("--map");
+    args.push_back(from + "=" + to);
+  }
+  if (lock_step) {
+    args.push_back("--lock-step");
+  } else {
+    if (process.queue > 0) {
+      args.push_back("--queue");
+      args.push_back(std::to_string(process.queue));
+    }
+    if (process.deadline_ms > 0) {
+      args.push_back("--deadline-ms");
+      args.push_back(std::to_string(process.deadline_ms));
+    }
+  }
+  return args;
+}
+
+}  // namespace weft
