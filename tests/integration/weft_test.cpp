@@ -1,0 +1,387 @@
+// The weft program itself, with real processes over real LCM.
+#include <gtest/gtest.h>
+#include <signal.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <chrono>
+#include <nlohmann/json.hpp>
+#include <set>
+
+#include "integration/test_log.hpp"
+#include "integration/test_stage.hpp"
+#include "stage/net_namespace.hpp"
+#include "tools/weft/replay.hpp"
+#include "tools/weft/run_folder.hpp"
+#include "tools/weft/text_file.hpp"
+
+namespace weft {
+namespace {
+
+namespace fs = std::filesystem;
+using Clock = std::chrono::steady_clock;
+
+const std::string kWeft = WEFT_BINARY_DIR "/bin/weft";
+
+class WeftTest : public testing::Test {
+ protected:
+  WeftTest() {
+    // A short path: a socket's name holds it.
+    folder_ = fs::temp_directory_path() / ("weft-test-" + std::to_string(getpid()));
+    fs::remove_all(folder_);
+    fs::create_directories(folder_);
+    write_set("set.yaml", "");
+  }
+  ~WeftTest() override {
+    if (!HasFailure()) fs::remove_all(folder_);
+  }
+
+  void write_set(const std::string& name, const std::string& words, int work_ms = 2) const {
+    const std::string work = "work_ms: " + std::to_string(work_ms);
+    write_text_file(folder_ / name,
+                    "name: test\nsources: [RGBD_FRAME]\nprocesses:\n"
+                    "  - {name: mask, exec: weft-test-stage, with: {kind: mask, " +
+                        work +
+                        "}}\n"
+                        "  - {name: words, exec: weft-test-stage, with: {kind: words, " +
+                        work + words +
+                        "}}\n"
+                        "  - {name: parts, exec: weft-test-stage, with: {kind: parts, " +
+                        work + "}}\n");
+  }
+  std::string path(const std::string& name) const { return (folder_ / name).string(); }
+  CommandResult weft(std::vector<std::string> args) const {
+    args.insert(args.begin(), kWeft);
+    return run_command(args);
+  }
+  static bool private_network_permitted() {
+    const pid_t pid = fork();
+    if (pid == 0) {
+      std::string why;
+      _exit(stage::enter_private_network(why) ? 0 : 1);
+    }
+    int status = 0;
+    waitpid(pid, &status, 0);
+    return status == 0;
+  }
+
+  fs::path folder_;
+};
+
+#define NEEDS_PRIVATE_NETWORK() \
+  if (!private_network_permitted()) GTEST_SKIP() << "no network namespace is permitted here"
+
+TEST_F(WeftTest, WrongUseIsTwo) {
+  EXPECT_EQ(weft({}).status, 2);
+  EXPECT_EQ(weft({"no-such-command"}).status, 2);
+  EXPECT_EQ(weft({"replay", "--windw", "3"}).status, 2);
+  EXPECT_EQ(weft({"log"}).status, 2);
+  EXPECT_EQ(weft({"bench"}).status, 2);
+  for (const std::string command :
+       {"demo", "up", "down", "status", "logs", "restart", "replay", "timing", "log"})
+    EXPECT_EQ(weft({command, "--help"}).status, 0) << command;
+}
+
+TEST_F(WeftTest, ErrorsAreOneAndSayWhatToDo) {
+  const auto no_set = weft({"up", path("none.yaml")});
+  EXPECT_EQ(no_set.status, 1);
+  EXPECT_NE(no_set.output.find("config/sets/"), std::string::npos) << no_set.output;
+  write_text_file(path("bad.yaml"), "sources: [RGBD_FRAME]\nprocess: []\n");
+  const auto bad_set = weft({"replay", "x.lcm", "--set", path("bad.yaml"), "--out", path("o.lcm")});
+  EXPECT_EQ(bad_set.status, 1);
+  EXPECT_NE(bad_set.output.find("bad.yaml:2: unknown key 'process'"), std::string::npos)
+      << bad_set.output;
+  setenv("WEFT_RUN_DIR", path("run").c_str(), 1);
+  EXPECT_NE(weft({"status"}).output.find("no set is running"), std::string::npos);
+}
+
+TEST_F(WeftTest, ReplayOverLcmIsTheSameTwiceAndAsWithEveryStageInOneProcess) {
+  NEEDS_PRIVATE_NETWORK();
+  test_stage::write_test_log(path("in.lcm"), 25);
+  const auto first = weft({"replay", path("in.lcm"), "--set", path("set.yaml"), "--out",
+                           path("a.lcm"), "--json", path("a.json"), "--verify"});
+  ASSERT_EQ(first.status, 0) << first.output;
+  EXPECT_NE(first.output.find("verified"), std::string::npos);
+  EXPECT_FALSE(fs::exists(path("a.lcm.second")));
+  const auto json = nlohmann::json::parse(read_text_file(path("a.json")));
+  EXPECT_EQ(json["frames"], 25);
+  EXPECT_EQ(json["answered"], 25);
+  EXPECT_EQ(json["failed"], 0);
+  EXPECT_GT(json["stages"]["parts"]["p50_ms"], 1.9);
+  const auto other = weft({"replay", path("in.lcm"), "--set", path("wide.yaml"), "--out",
+                           path("b.lcm"), "--window", "9", "--verify", path("a.lcm")});
+  EXPECT_EQ(other.status, 1) << "there is no wide.yaml";
+  const auto wide = weft({"replay", path("in.lcm"), "--set", path("set.yaml"), "--out",
+                          path("b.lcm"), "--window", "9", "--verify", path("a.lcm")});
+  EXPECT_EQ(wide.status, 0) << wide.output;
+  // weft itself was not built with the test stages.
+  const auto set = ProcessSet::from_file(path("set.yaml"));
+  ReplayOptions options;
+  options.log = path("in.lcm");
+  options.out = path("c.lcm");
+  const auto result =
+      replay(set, Transport::kInProcess, {{"weft-test-stage", test_stage::make_stage}}, options,
+             [](const PlayedFrame&, const FrameContent&) {});
+  EXPECT_TRUE(result.good());
+  EXPECT_EQ(first_difference(path("a.lcm"), path("c.lcm")), "");
+}
+
+TEST_F(WeftTest, ReplayedLogsHaveAFixedOrderAndTheFramesTimes) {
+  NEEDS_PRIVATE_NETWORK();
+  test_stage::write_test_log(path("in.lcm"), 3);
+  ASSERT_EQ(
+      weft({"replay", path("in.lcm"), "--set", path("set.yaml"), "--out", path("a.lcm")}).status,
+      0);
+  std::vector<std::string> channels;
+  stage::LogReader log(path("a.lcm"));
+  stage::LogEvent event;
+  while (log.next(event)) {
+    channels.push_back(event.channel);
+    if (channels.size() <= 24) {
+      const auto frame = static_cast<std::int64_t>((channels.size() - 1) / 8);
+      EXPECT_EQ(event.timestamp_us, 1'700'000'000'000'000 + frame * 100'000);
+    }
+  }
+  std::vector<std::string> expected;
+  for (int frame = 0; frame < 3; ++frame) {
+    for (const char* channel : {"RGBD_FRAME", "FOREGROUND", "WORDS_SIFT", "PROBABILITY_MAP",
+                                "PART_DETECTIONS", "STAGE_TIMING", "STAGE_TIMING", "STAGE_TIMING"})
+      expected.push_back(channel);
+  }
+  for (int stage = 0; stage < 3; ++stage) expected.push_back("STAGE_STATUS");
+  EXPECT_EQ(channels, expected);
+}
+
+TEST_F(WeftTest, VerifyNamesTheFirstDifference) {
+  NEEDS_PRIVATE_NETWORK();
+  test_stage::write_test_log(path("in.lcm"), 5);
+  write_set("impure.yaml", ", impure: true");
+  ASSERT_EQ(
+      weft({"replay", path("in.lcm"), "--set", path("set.yaml"), "--out", path("a.lcm")}).status,
+      0);
+  const auto other = weft({"replay", path("in.lcm"), "--set", path("impure.yaml"), "--out",
+                           path("b.lcm"), "--verify", path("a.lcm")});
+  EXPECT_EQ(other.status, 1);
+  EXPECT_NE(other.output.find("not the same: WORDS_SIFT of frame camera/7/0 differs at byte"),
+            std::string::npos)
+      << other.output;
+}
+
+TEST_F(WeftTest, StagesThatFailAreAnsweredAndCounted) {
+  NEEDS_PRIVATE_NETWORK();
+  test_stage::write_test_log(path("in.lcm"), 9);
+  write_set("failing.yaml", ", fail_every: 3");
+  const auto result = weft({"replay", path("in.lcm"), "--set", path("failing.yaml"), "--out",
+                            path("a.lcm"), "--json", path("a.json"), "--verify"});
+  EXPECT_EQ(result.status, 0) << result.output;
+  const auto json = nlohmann::json::parse(read_text_file(path("a.json")));
+  EXPECT_EQ(json["answered"], 9);
+  EXPECT_EQ(json["failed"], 3);
+}
+
+TEST_F(WeftTest, AProcessThatCannotStartEndsTheReplayWithItsOwnWords) {
+  NEEDS_PRIVATE_NETWORK();
+  test_stage::write_test_log(path("in.lcm"), 2);
+  write_set("wrong.yaml", ", colour: red");
+  const auto result =
+      weft({"replay", path("in.lcm"), "--set", path("wrong.yaml"), "--out", path("a.lcm")});
+  EXPECT_EQ(result.status, 1);
+  EXPECT_NE(result.output.find("process words ended with status 1"), std::string::npos)
+      << result.output;
+  EXPECT_NE(result.output.find("colour"), std::string::npos) << result.output;
+  EXPECT_FALSE(fs::exists(path("a.lcm")));
+}
+
+TEST_F(WeftTest, DemoWritesFiguresAndAPageWithEveryFrame) {
+  NEEDS_PRIVATE_NETWORK();
+  test_stage::write_test_log(path("in.lcm"), 4);
+  const auto result =
+      weft({"demo", "--log", path("in.lcm"), "--set", path("set.yaml"), "--loop", "10", "--out",
+            path("demo"), "--json", path("demo.json"), "--threshold", "0.1"});
+  ASSERT_EQ(result.status, 0) << result.output;
+  const auto json = nlohmann::json::parse(read_text_file(path("demo.json")));
+  EXPECT_EQ(json["frames"], 10);
+  EXPECT_EQ(json["answered"], 10);
+  EXPECT_GT(json["detections"], 0);
+  EXPECT_GT(json["frames_per_second"], 1.0);
+  for (const char* stage : {"mask", "words", "parts"}) {
+    EXPECT_GT(json["stages"][stage]["p50_ms"], 1.9) << stage;
+    EXPECT_GE(json["stages"][stage]["p95_ms"], json["stages"][stage]["p50_ms"]) << stage;
+  }
+  const auto page = read_text_file(path("demo/index.html"));
+  const auto begin = page.find("id=\"data\">") + 10;
+  const auto data =
+      nlohmann::json::parse(page.substr(begin, page.find("</script>", begin) - begin));
+  ASSERT_EQ(data["frames"].size(), 4u) << "the second pass shows nothing new";
+  for (const auto& frame : data["frames"]) {
+    EXPECT_EQ(frame["detections"].size(), 1u);
+    ASSERT_EQ(frame["maps"].size(), 1u);
+    EXPECT_TRUE(fs::exists(folder_ / "demo" / frame["maps"][0]["image"]));
+    EXPECT_FALSE(frame["outline"].empty());
+  }
+  EXPECT_EQ(page.find("{{"), std::string::npos);
+  EXPECT_EQ(page.find("https://"), std::string::npos);
+  EXPECT_EQ(
+      weft({"timing", path("demo/demo.lcm"), "--json", path("t.json"), "--html", path("t.html")})
+          .status,
+      0);
+  const auto timing = nlohmann::json::parse(read_text_file(path("t.json")));
+  EXPECT_EQ(timing["stages"], json["stages"]);
+  EXPECT_EQ(weft({"log", "info", path("demo/demo.lcm")}).status, 0);
+}
+
+/// Kills a stage at a time and by name, while frames are played.
+TEST_F(WeftTest, StagesKilledDuringAReplayChangeNoAnswer) {
+  NEEDS_PRIVATE_NETWORK();
+  test_stage::write_test_log(path("in.lcm"), 40);
+  ASSERT_EQ(
+      weft({"replay", path("in.lcm"), "--set", path("set.yaml"), "--out", path("a.lcm")}).status,
+      0);
+  const pid_t pid = fork();
+  if (pid == 0) {
+    std::string why;
+    if (!stage::enter_private_network(why)) _exit(3);
+    const auto set = ProcessSet::from_file(path("set.yaml"));
+    SourceLog source(path("in.lcm"), set.sources);
+    Session session(set, Transport::kPrivateNetwork, {}, path("logs"), {});
+    session.player().wait_ready();
+    const std::vector<std::string> names = {"mask", "words", "parts"};
+    stage::LogWriter out(path("b.lcm"));
+    bool all = true;
+    session.player().play(
+        40, [&](std::size_t index) { return source.read(index); },
+        [&](PlayedFrame&& frame) {
+          all = all && frame.unanswered.empty();
+          for (const auto& event : frame.source.events) out.write(0, event.channel, event.data);
+          for (const auto& each : frame.outputs) out.write(0, each.channel, each.data);
+          if (frame.index % 8 == 3)
+            kill(session.children().pid(names[frame.index / 8 % 3]), SIGKILL);
+        });
+    out.close();
+    _exit(all && session.player().restarts() >= 4 ? 0 : 1);
+  }
+  int status = 0;
+  waitpid(pid, &status, 0);
+  EXPECT_EQ(status, 0);
+  EXPECT_EQ(first_difference(path("a.lcm"), path("b.lcm")), "");
+}
+
+/// Publishes frames and counts the detections that come back; in the namespace of its caller.
+class LiveRobot {
+ public:
+  LiveRobot() : bus_(make_lcm_bus(stage::LcmUrl{})) {}
+  /// How many of `count` new frames were answered with detections.
+  int answered(int count) {
+    const auto first = seq_;
+    std::set<std::int64_t> seen;
+    const auto listen = [&](std::chrono::milliseconds time) {
+      for (const auto end = Clock::now() + time; Clock::now() < end;) {
+        const auto message = bus_->receive(std::chrono::milliseconds(5));
+        if (!message || message->channel != "PART_DETECTIONS") continue;
+        const auto header = read_frame_header(message->data);
+        if (header && header->frame.seq >= first && header->status_code <= 1)
+          seen.insert(header->frame.seq);
+      }
+    };
+    for (int i = 0; i < count; ++i) {
+      bus_->publish("RGBD_FRAME", test_stage::test_event(seq_++, 60'000).data);
+      listen(std::chrono::milliseconds(40));
+    }
+    listen(std::chrono::milliseconds(500));
+    return static_cast<int>(seen.size());
+  }
+
+ private:
+  std::unique_ptr<Bus> bus_;
+  std::int64_t seq_ = 0;
+};
+
+#define CHECK_IN_CHILD(condition)                                        \
+  if (!(condition)) {                                                    \
+    std::fprintf(stderr, "line %d: not so: %s\n", __LINE__, #condition); \
+    std::fputs(last_output.c_str(), stderr);                             \
+    run_command({kWeft, "down"});                                        \
+    _exit(1);                                                            \
+  }
+
+TEST_F(WeftTest, ASetThatIsUpSurvivesTheDeathOfAnyProcessAndStopsCleanly) {
+  NEEDS_PRIVATE_NETWORK();
+  if (run_command({"supervisord", "--version"}).status != 0) GTEST_SKIP() << "no supervisord";
+  const pid_t child = fork();
+  if (child == 0) {
+    std::string why, last_output;
+    if (!stage::enter_private_network(why)) _exit(3);
+    setenv("WEFT_RUN_DIR", path("run").c_str(), 1);
+    const auto weft_says = [&](std::vector<std::string> args) {
+      auto result = weft(std::move(args));
+      last_output = result.output;
+      return result.status;
+    };
+    CHECK_IN_CHILD(weft_says({"up", path("set.yaml")}) == 0);
+    CHECK_IN_CHILD(weft_says({"up", path("set.yaml")}) == 1);  // is running already
+    LiveRobot robot;
+    CHECK_IN_CHILD(robot.answered(10) == 10);
+    const RunFolder folder(folder_ / "run" / "test");
+    std::map<std::string, pid_t> pids;
+    for (const std::string name : {"mask", "words", "parts"}) {
+      pid_t victim = 0;
+      for (const auto& process : folder.processes()) {
+        if (process.name == name) victim = process.pid;
+      }
+      CHECK_IN_CHILD(victim > 0);
+      CHECK_IN_CHILD(kill(victim, SIGKILL) == 0);
+      const auto killed = Clock::now();
+      while (robot.answered(5) != 5)
+        CHECK_IN_CHILD(Clock::now() - killed < std::chrono::seconds(15));
+    }
+    CHECK_IN_CHILD(weft_says({"status", "--json", path("status.json")}) == 0);
+    const auto status = nlohmann::json::parse(read_text_file(path("status.json")));
+    for (const std::string name : {"mask", "words", "parts"}) {
+      const auto& process = status["processes"][name];
+      CHECK_IN_CHILD(process["state"] == "running" && process["starts"] == 2);
+      CHECK_IN_CHILD(process["frames_out"] > 0);
+      pids[name] = process["pid"];
+    }
+    CHECK_IN_CHILD(weft_says({"restart", "words"}) == 0);
+    CHECK_IN_CHILD(kill(pids["words"], 0) != 0);
+    CHECK_IN_CHILD(weft_says({"restart", "no-such"}) == 1);
+    CHECK_IN_CHILD(weft_says({"logs", "words"}) == 0 && !last_output.empty());
+    const auto socket = fs::status(folder.path() / "supervisor.sock").permissions();
+    CHECK_IN_CHILD((socket & (fs::perms::group_all | fs::perms::others_all)) == fs::perms::none);
+    CHECK_IN_CHILD(weft_says({"down"}) == 0);
+    for (const auto& [name, pid] : pids) CHECK_IN_CHILD(kill(pid, 0) != 0);
+    CHECK_IN_CHILD(!folder.running());
+    CHECK_IN_CHILD(weft_says({"down"}) == 1);
+    // The processes' own last words: they were asked to stop, not killed.
+    CHECK_IN_CHILD(read_text_file(folder.path() / "parts.log").find("stopped") !=
+                   std::string::npos);
+    _exit(0);
+  }
+  int status = 0;
+  waitpid(child, &status, 0);
+  EXPECT_EQ(status, 0);
+}
+
+TEST_F(WeftTest, UpGivesUpOnASetThatCannotRun) {
+  NEEDS_PRIVATE_NETWORK();
+  if (run_command({"supervisord", "--version"}).status != 0) GTEST_SKIP() << "no supervisord";
+  write_set("wrong.yaml", ", colour: red");
+  const pid_t child = fork();
+  if (child == 0) {
+    std::string why, last_output;
+    if (!stage::enter_private_network(why)) _exit(3);
+    setenv("WEFT_RUN_DIR", path("run").c_str(), 1);
+    const auto result = weft({"up", path("wrong.yaml")});
+    last_output = result.output;
+    CHECK_IN_CHILD(result.status == 1);
+    CHECK_IN_CHILD(result.output.find("colour") != std::string::npos);
+    CHECK_IN_CHILD(!RunFolder(folder_ / "run" / "test").running());
+    _exit(0);
+  }
+  int status = 0;
+  waitpid(child, &status, 0);
+  EXPECT_EQ(status, 0);
+}
+
+}  // namespace
+}  // namespace weft
