@@ -26,6 +26,8 @@ struct SegmentOptions {
   double depth_weight = 1.0;
   double colour_weight = 1.0;
   double edge_level = 12.0;
+  double edge_height_sigma = 2.0;
+  double reach_cells = 250.0;
   int iterations = 2;
   double min_component_cm2 = 40.0;
   double max_hole_cm2 = 2.0;
@@ -40,6 +42,10 @@ struct SegmentOptions {
     v.field("colour_weight", colour_weight, {0.0, 10.0}, "", "of the colour's vote");
     v.field("edge_level", edge_level, {1.0, 255.0}, "levels",
             "colour step between neighbours that halves how far votes carry");
+    v.field("edge_height_sigma", edge_height_sigma, {0.05, 100.0}, "",
+            "step in height between neighbours that does so, in units of the table's noise");
+    v.field("reach_cells", reach_cells, {1.0, 10000.0}, "cells",
+            "how far votes carry where everything looks alike");
     v.field("iterations", iterations, {1, 20}, "", "of colour model and votes, twice over");
     v.field("min_component_cm2", min_component_cm2, {0.0, 10000.0}, "cm2",
             "smallest piece of cloth, on the table");

@@ -17,6 +17,7 @@ namespace {
 // Votes are log odds for garment, in nats. All arithmetic on them is + - * / in a fixed order.
 using Votes = std::vector<float>;
 constexpr int kNoHeight = std::numeric_limits<int>::min();
+constexpr int kBelowTable_um = -50000;
 constexpr int kNeighbours[4][2] = {{-1, 0}, {1, 0}, {0, -1}, {0, 1}};
 
 using Colour = std::array<std::uint8_t, 3>;  // BGR
@@ -25,8 +26,9 @@ using Colour = std::array<std::uint8_t, 3>;  // BGR
 struct Cells {
   int factor = 1, width = 0, height = 0;
   std::vector<Colour> colour;
-  std::vector<double> z_m;         // mean of the valid depth; 0 where less than half is valid
-  std::vector<std::uint8_t> seen;  // 0: no depth and black, as outside a turned or moved image
+  std::vector<double> z_m;  // mean of the valid depth; 0 where less than half is valid
+  // 0: no depth and black, as outside a turned or moved image; or below the table, as the floor
+  std::vector<std::uint8_t> seen;
   int count() const { return width * height; }
   bool inside(int x, int y) const { return x >= 0 && x < width && y >= 0 && y < height; }
 };
@@ -104,7 +106,7 @@ std::vector<int> cell_heights_um(const Cells& cells, const TableSurface& surface
 int table_sigma_um(const std::vector<int>& heights_um) {
   std::vector<int> below;
   for (int h : heights_um)
-    if (h != kNoHeight && h < 0) below.push_back(-h);
+    if (h != kNoHeight && h < 0 && h > kBelowTable_um) below.push_back(-h);
   if (below.empty()) return 2000;
   const auto middle = below.begin() + static_cast<std::ptrdiff_t>(below.size() / 2);
   std::nth_element(below.begin(), middle, below.end());
@@ -144,7 +146,7 @@ std::vector<Colour> even_light(const Cells& cells, const Votes& votes) {
     for (int y = 2; y < cells.height; y += 6)
       for (int x = 2; x < cells.width; x += 6) {
         const int i = y * cells.width + x;
-        if (votes[i] >= 0 || !cells.seen[i]) continue;
+        if (votes[i] >= 0.0f || !cells.seen[i]) continue;
         const Eigen::RowVector3d colour(cells.colour[i][0], cells.colour[i][1], cells.colour[i][2]);
         const Vector6 row = powers(x, y);
         double weight = 1.0;
@@ -240,23 +242,33 @@ Votes colour_odds(const Cells& cells, const std::vector<int>& bins, const Votes&
   return odds;
 }
 
+int colour_step(const Colour& a, const Colour& b) {
+  int step = 0;
+  for (int c = 0; c < 3; ++c) step = std::max(step, std::abs(a[c] - b[c]));
+  return step;
+}
+
 /// Averages votes along rows, then columns, with weights that fall with every colour edge crossed
 /// (the permeability filter of Cigla and Alatan, "Information permeability for stereo matching",
 /// 2013).
 class EdgeFilter {
  public:
-  EdgeFilter(const Cells& cells, double edge_level) : width_(cells.width), height_(cells.height) {
-    std::array<float, 256> weight;
+  EdgeFilter(const Cells& cells, const std::vector<int>& heights_um, int sigma_um,
+             const SegmentOptions& options)
+      : width_(cells.width), height_(cells.height) {
+    std::array<float, 256> colour_edge;
     for (int d = 0; d < 256; ++d) {
-      const double r = d / edge_level;
-      weight[d] = static_cast<float>(0.996 / (1.0 + r * r * r));
+      const double r = d / options.edge_level;
+      colour_edge[d] = static_cast<float>(r * r * r);
     }
+    const auto per_um = static_cast<float>(1.0 / (options.edge_height_sigma * sigma_um));
+    const auto most = static_cast<float>(1.0 - 1.0 / options.reach_cells);
     const auto likeness = [&](int i, int j) {
       if (!cells.seen[i] || !cells.seen[j]) return 0.0f;
-      int d = 0;
-      for (int c = 0; c < 3; ++c)
-        d = std::max(d, std::abs(cells.colour[i][c] - cells.colour[j][c]));
-      return weight[d];
+      float h = 0.0f;
+      if (heights_um[i] != kNoHeight && heights_um[j] != kNoHeight)
+        h = static_cast<float>(std::abs(heights_um[i] - heights_um[j])) * per_um;
+      return most / (1.0f + colour_edge[colour_step(cells.colour[i], cells.colour[j])] + h * h * h);
     };
     right_.assign(cells.colour.size(), 0.0f);
     down_.assign(cells.colour.size(), 0.0f);
@@ -272,11 +284,6 @@ class EdgeFilter {
     add_columns(inverse_columns_);
     for (Votes* inverse : {&inverse_rows_, &inverse_columns_})
       for (float& value : *inverse) value = 1.0f / value;
-  }
-
-  /// How much passes between two neighbouring cells, 0 to 1.
-  float between(int i, int j) const {
-    return std::abs(i - j) == 1 ? right_[std::min(i, j)] : down_[std::min(i, j)];
   }
 
   void apply(Votes& votes) {
@@ -364,32 +371,32 @@ std::vector<Component> components(const Cells& cells, const Votes& votes) {
 class Segmenter {
  public:
   Segmenter(const rgbd::RgbdFrame& frame, const rgbd::Plane& table, const SegmentOptions& options)
-      : frame_(frame),
-        table_(table),
-        options_(options),
-        cells_(make_cells(frame)),
-        filter_(cells_, options.edge_level) {}
+      : frame_(frame), table_(table), options_(options), cells_(make_cells(frame)), filter_([&] {
+          heights_um_ = cell_heights_um(cells_, fit_surface(frame, {}, table, 2));
+          for (std::size_t i = 0; i < heights_um_.size(); ++i)
+            if (heights_um_[i] != kNoHeight && heights_um_[i] < kBelowTable_um) cells_.seen[i] = 0;
+          sigma_um_ = table_sigma_um(heights_um_);
+          return EdgeFilter(cells_, heights_um_, sigma_um_, options);
+        }()) {}
 
   cv::Mat run() {
-    vote(fit_surface(frame_, {}, table_, 2), true);
+    votes_ = depth_votes(heights_um_, sigma_um_, options_);
+    filter_.apply(votes_);
+    vote();
     // With the colour model the distortion can be fitted again where no cloth disturbs it.
     Votes colour(votes_.size());
     for (std::size_t i = 0; i < colour.size(); ++i) colour[i] = odds_[bins_[i]];
     filter_.apply(colour);
-    vote(fit_surface(frame_, to_mask(colour), table_, 3), false);
+    heights_um_ = cell_heights_um(cells_, fit_surface(frame_, to_mask(colour), table_, 3));
+    sigma_um_ = table_sigma_um(heights_um_);
+    vote();
     clean();
     return to_mask(votes_);
   }
 
  private:
-  void vote(const TableSurface& surface, bool first) {
-    heights_um_ = cell_heights_um(cells_, surface);
-    sigma_um_ = table_sigma_um(heights_um_);
+  void vote() {
     const Votes depth = depth_votes(heights_um_, sigma_um_, options_);
-    if (first) {
-      votes_ = depth;
-      filter_.apply(votes_);
-    }
     bins_ = colour_bins(even_light(cells_, votes_));
     for (int iteration = 0; iteration < options_.iterations; ++iteration) {
       odds_ = colour_odds(cells_, bins_, votes_, options_);
@@ -430,14 +437,15 @@ class Segmenter {
     // 4 cells outside); where the sensor's distortion ends, there is neither.
     std::int64_t step_um = 0;
     int steps = 0, outline = 0;
-    float passes = 0.0f;
+    double passes = 0.0;
     for (int i : component.cells) {
       const int x = i % cells_.width, y = i / cells_.width;
       for (const auto& [dx, dy] : kNeighbours) {
         if (!cells_.inside(x + dx, y + dy)) continue;
         const int j = i + dy * cells_.width + dx;
         if (votes_[j] > 0.0f || !cells_.seen[j]) continue;
-        passes += filter_.between(i, j);
+        const double r = colour_step(cells_.colour[i], cells_.colour[j]) / options_.edge_level;
+        passes += 1.0 / (1.0 + r * r * r);
         ++outline;
         if (!cells_.inside(x - 2 * dx, y - 2 * dy) || !cells_.inside(x + 4 * dx, y + 4 * dy))
           continue;
@@ -449,7 +457,7 @@ class Segmenter {
       }
     }
     if (outline == 0) return true;  // it fills the image
-    const bool colour_edge = passes < static_cast<float>(options_.max_outline_passage * outline);
+    const bool colour_edge = passes < options_.max_outline_passage * outline;
     const bool height_edge =
         steps > 0 && static_cast<double>(step_um) >
                          options_.min_outline_step_sigma * sigma_um_ * static_cast<double>(steps);
@@ -509,10 +517,10 @@ class Segmenter {
   const rgbd::RgbdFrame& frame_;
   const rgbd::Plane& table_;
   const SegmentOptions& options_;
-  const Cells cells_;
-  EdgeFilter filter_;
+  Cells cells_;
   std::vector<int> heights_um_, bins_;
   int sigma_um_ = 0;
+  EdgeFilter filter_;
   Votes votes_, odds_;
 };
 

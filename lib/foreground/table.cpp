@@ -3,6 +3,7 @@
 #include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <vector>
 
 #include "base/error.hpp"
@@ -125,54 +126,73 @@ std::optional<rgbd::Plane> find_table(const rgbd::RgbdFrame& frame, const cv::Ma
                                       const TableOptions& options) {
   options.validate();
   const std::vector<Sample> samples = sample(frame, exclude);
-  const std::size_t n = samples.size();
-  if (n < 100) return std::nullopt;
+  if (samples.size() < 100) return std::nullopt;
+  std::vector<Sample> judges;  // a third of the samples tells good planes from bad ones
+  for (std::size_t i = 0; i < samples.size(); i += 3) judges.push_back(samples[i]);
+  const auto count = static_cast<double>(judges.size());
   const auto border =
-      std::count_if(samples.begin(), samples.end(), [](const Sample& s) { return s.border; });
+      std::max(1.0, static_cast<double>(std::count_if(judges.begin(), judges.end(),
+                                                      [](const Sample& s) { return s.border; })));
+  const int max_behind = static_cast<int>(options.max_behind_share * count);
+  const double min_area =
+      0.01 * frame.camera.width / frame.camera.fx * frame.camera.height / frame.camera.fy;
   // cos of the largest tilt without libm: cos(t) by its series is exact enough for a limit.
   const double tilt = options.max_tilt_deg * 0.017453292519943295, t2 = tilt * tilt;
   const double min_cos = 1.0 - t2 / 2.0 + t2 * t2 / 24.0 - t2 * t2 * t2 / 720.0;
-  const double inlier_m = options.inlier_m;
-  const double behind_m = options.behind_m;
-  const int max_behind = static_cast<int>(options.max_behind_share * static_cast<double>(n));
 
   Random random(static_cast<std::uint64_t>(options.seed));
-  double best_score = -1.0;
-  std::optional<InversePlane> best;
-  for (int k = 0; k < options.hypotheses; ++k) {
-    const Sample& p = samples[random.below(n)];
-    const Sample& q = samples[random.below(n)];
-    const Sample& r = samples[random.below(n)];
-    const double qx = q.x - p.x, qy = q.y - p.y, qw = q.inverse_z - p.inverse_z;
-    const double rx = r.x - p.x, ry = r.y - p.y, rw = r.inverse_z - p.inverse_z;
-    const double area = qx * ry - qy * rx;
-    if (!(std::abs(area) > 0.01)) continue;  // too near to each other to carry a plane
-    InversePlane plane;
-    plane.a = (qw * ry - qy * rw) / area;
-    plane.b = (qx * rw - qw * rx) / area;
-    plane.c = p.inverse_z - plane.a * p.x - plane.b * p.y;
-    const double inverse_norm = 1.0 / plane.norm();
-    if (!(plane.c * inverse_norm >= min_cos)) continue;
-    int inside = 0, inside_border = 0, behind = 0;
-    for (const Sample& s : samples) {
-      const double h = plane.height_m(s, inverse_norm), scale = tolerance(s);
-      if (h < -behind_m * scale) {
-        if (++behind > max_behind) break;
-      } else if (std::abs(h) <= inlier_m * scale) {
-        ++inside;
-        inside_border += s.border;
+  const auto best_plane = [&](const std::vector<Sample>& points, double border_weight) {
+    std::optional<InversePlane> best;
+    double best_score = -1.0;
+    for (int k = 0; k < options.hypotheses; ++k) {
+      const Sample& p = points[random.below(points.size())];
+      const Sample& q = points[random.below(points.size())];
+      const Sample& r = points[random.below(points.size())];
+      const double qx = q.x - p.x, qy = q.y - p.y, qw = q.inverse_z - p.inverse_z;
+      const double rx = r.x - p.x, ry = r.y - p.y, rw = r.inverse_z - p.inverse_z;
+      const double area = qx * ry - qy * rx;
+      if (!(std::abs(area) > min_area)) continue;  // too near to each other to carry a plane
+      InversePlane plane;
+      plane.a = (qw * ry - qy * rw) / area;
+      plane.b = (qx * rw - qw * rx) / area;
+      plane.c = p.inverse_z - plane.a * p.x - plane.b * p.y;
+      const double inverse_norm = 1.0 / plane.norm();
+      if (!(plane.c * inverse_norm >= min_cos)) continue;
+      int inside = 0, inside_border = 0, behind = 0;
+      for (const Sample& s : judges) {
+        const double h = plane.height_m(s, inverse_norm), scale = tolerance(s);
+        if (h < -options.behind_m * scale) {
+          if (h > -options.other_surface_m && ++behind > max_behind) break;
+        } else if (std::abs(h) <= options.inlier_m * scale) {
+          ++inside;
+          inside_border += s.border;
+        }
+      }
+      if (behind > max_behind || inside < options.min_share * count) continue;
+      const double score = inside / count + border_weight * inside_border / border;
+      if (score > best_score) {
+        best_score = score;
+        best = plane;
       }
     }
-    if (behind > max_behind || inside < options.min_share * static_cast<double>(n)) continue;
-    const double score = static_cast<double>(inside) / static_cast<double>(n) +
-                         static_cast<double>(inside_border) / static_cast<double>(border);
-    if (score > best_score) {
-      best_score = score;
-      best = plane;
-    }
+    return best;
+  };
+  std::optional<InversePlane> best = best_plane(samples, 1.0);
+  for (int level = 0; best && level < 3; ++level) {
+    std::vector<Sample> before;
+    const double inverse_norm = 1.0 / best->norm();
+    std::copy_if(samples.begin(), samples.end(), std::back_inserter(before), [&](const Sample& s) {
+      return best->height_m(s, inverse_norm) > options.other_surface_m;
+    });
+    if (static_cast<double>(before.size()) <
+        options.min_share * static_cast<double>(samples.size()))
+      break;
+    const auto higher = best_plane(before, 0.0);
+    if (!higher) break;
+    best = higher;
   }
   if (!best) return std::nullopt;
-  return refine(samples, *best, inlier_m);
+  return refine(samples, *best, options.inlier_m);
 }
 
 rgbd::Plane refine_plane(const rgbd::RgbdFrame& frame, const cv::Mat& exclude,
@@ -207,7 +227,7 @@ TableSurface fit_surface(const rgbd::RgbdFrame& frame, const cv::Mat& exclude,
       const double h = surface.height_m(s.x * frame.camera.fx + frame.camera.cx,
                                         s.y * frame.camera.fy + frame.camera.cy, s.z_m) /
                        (sigma_m * scale);
-      const double t = h > 0.0 ? h : 0.5 * h;
+      const double t = h > 0.0 || !exclude.empty() ? h : 0.5 * h;
       if (std::abs(t) > 6.0) continue;
       const double weight = 1.0 / ((1.0 + t * t) * (1.0 + t * t));
       const double xx = s.x * s.x, yy = s.y * s.y;

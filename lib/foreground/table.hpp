@@ -11,18 +11,20 @@
 namespace weft::foreground {
 
 struct TableOptions {
-  int hypotheses = 300;
+  int hypotheses = 600;
   double inlier_m = 0.010;
   double behind_m = 0.015;
   double max_behind_share = 0.01;
+  double other_surface_m = 0.3;
   double min_share = 0.10;
   double max_tilt_deg = 70.0;
   int seed = 1;
 
   void visit(OptionVisitor& v) {
     v.field("hypotheses", hypotheses, {10, 100000}, "",
-            "planes tried; with a tenth of the points on the table 300 miss it in 3 of 4 frames, "
-            "with a third in none of 60000");
+            "planes tried; three points on the table make one, so 600 miss a table that takes a "
+            "fifth of "
+            "the points in 1 frame of 100, one that takes a tenth in every other frame");
     v.field("inlier_m", inlier_m, {0.001, 0.2}, "m",
             "a point this near belongs to the plane, at 1 m or less; grows with the squared "
             "distance as the noise of structured light does");
@@ -31,6 +33,9 @@ struct TableOptions {
     v.field("max_behind_share", max_behind_share, {0.0, 1.0}, "",
             "of all points, behind the table at most; a large flat garment has the table behind "
             "it, the table hardly anything");
+    v.field("other_surface_m", other_surface_m, {0.05, 10.0}, "m",
+            "points this far behind a plane do not count against it: the floor beside the table; "
+            "and a plane this far before another one is the table");
     v.field("min_share", min_share, {0.01, 1.0}, "", "of all points, on the table at least");
     v.field("max_tilt_deg", max_tilt_deg, {0.0, 85.0}, "deg",
             "between the table's normal and the optical axis at most");
@@ -66,9 +71,10 @@ class TableSurface {
   std::array<double, 10> c_{};  // of 1, x, y, xx, xy, yy, xxx, xxy, xyy, yyy; in focal lengths
 };
 
-/// The farthest large plane that hardly anything lies behind, preferring support at the border of
-/// the valid depth; none when no plane meets the options. exclude: CV_8UC1 of the frame's size,
-/// pixels that are not 0 are not looked at; may be empty.
+/// The large plane that hardly anything lies closely behind, preferring support at the border of
+/// the valid depth, and what stands before it by other_surface_m: the table, not the cloth on it
+/// nor the floor beside it. None when no plane meets the options. exclude: CV_8UC1 of the frame's
+/// size, pixels that are not 0 are not looked at; may be empty.
 std::optional<rgbd::Plane> find_table(const rgbd::RgbdFrame& frame, const cv::Mat& exclude,
                                       const TableOptions& options);
 
@@ -77,8 +83,9 @@ std::optional<rgbd::Plane> find_table(const rgbd::RgbdFrame& frame, const cv::Ma
 rgbd::Plane refine_plane(const rgbd::RgbdFrame& frame, const cv::Mat& exclude,
                          const rgbd::Plane& plane);
 
-/// Fits the sensor's distortion of the table robustly: points above the surface (cloth) lose their
-/// weight soonest. exclude as for find_table.
+/// Fits the sensor's distortion of the table robustly with a polynomial of degree 2 or 3. exclude
+/// as for find_table; when it is empty cloth is to be expected, and points above the surface lose
+/// their weight sooner than points below.
 TableSurface fit_surface(const rgbd::RgbdFrame& frame, const cv::Mat& exclude,
                          const rgbd::Plane& plane, int degree);
 
