@@ -85,13 +85,13 @@ void RefineModel::write(const std::string& path) const {
       shapes.push_back(shape.height_px);
     }
     blob.add(name + "shapes", std::span<const double>(shapes));
-    // Counts are small: 16 bits are enough, and validate() has seen them.
-    std::vector<std::int16_t> counts;
-    for (const auto count : svm.counts) {
-      if (count > 32767) throw Error(path + ": a support vector has a word more than 32767 times");
-      counts.push_back(static_cast<std::int16_t>(count));
+    // Counts are small: most models need 8 bits.
+    if (std::all_of(svm.counts.begin(), svm.counts.end(), [](auto n) { return n < 256; })) {
+      const std::vector<std::uint8_t> counts(svm.counts.begin(), svm.counts.end());
+      blob.add(name + "counts", std::span<const std::uint8_t>(counts));
+    } else {
+      blob.add(name + "large_counts", std::span<const std::int32_t>(svm.counts));
     }
-    blob.add(name + "counts", std::span<const std::int16_t>(counts));
     blob.add(name + "coefficients", std::span<const double>(svm.coefficients));
     blob.add_number(name + "gamma", svm.gamma);
     blob.add_number(name + "rho", svm.rho);
@@ -116,7 +116,11 @@ RefineModel RefineModel::read(const std::string& path) {
     for (std::size_t k = 0; k < shapes.size(); k += 2) {
       svm.shapes.push_back({shapes[k], shapes[k + 1]});
     }
-    for (const auto count : blob.values<std::int16_t>(name + "counts")) svm.counts.push_back(count);
+    if (blob.has(name + "large_counts")) {
+      svm.counts = blob.values<std::int32_t>(name + "large_counts");
+    } else {
+      for (const auto n : blob.values<std::uint8_t>(name + "counts")) svm.counts.push_back(n);
+    }
     svm.coefficients = blob.values<double>(name + "coefficients");
     svm.gamma = blob.number(name + "gamma");
     svm.rho = blob.number(name + "rho");
