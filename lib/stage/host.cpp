@@ -26,7 +26,7 @@ class Host::Impl {
         lcm_(connect(options.url)) {
     publish_status(weft::stage_status_t::STARTING);
     for (const std::string& channel : runner_.channels()) {
-      auto* subscription = lcm_->subscribe(channel_regex(channel), &Impl::on_message, this);
+      auto* subscription = lcm_->subscribeFunction(channel_regex(channel), &Impl::on_message, this);
       if (!subscription) throw Error("cannot subscribe to channel " + channel);
       // LCM would drop the newest message when 30 wait; the runner's own bounds answer for a frame.
       subscription->setQueueCapacity(0);
@@ -47,14 +47,15 @@ class Host::Impl {
   void request_stop() { stop_.request_stop(); }
 
  private:
-  void on_message(const lcm::ReceiveBuffer* buffer, const std::string& channel) {
+  // No member function: the undefined behaviour sanitizer of g++ 12 mistakes LCM's call of one.
+  static void on_message(const lcm::ReceiveBuffer* buffer, const std::string& channel, Impl* self) {
     {
-      const std::lock_guard lock(mutex_);
-      runner_.receive(channel, static_cast<const std::uint8_t*>(buffer->data), buffer->data_size,
-                      now_us());
+      const std::lock_guard lock(self->mutex_);
+      self->runner_.receive(channel, static_cast<const std::uint8_t*>(buffer->data),
+                            buffer->data_size, now_us());
     }
-    wake_.notify_one();
-    publish();
+    self->wake_.notify_one();
+    self->publish();
   }
 
   void receive(const std::stop_token& stop) {

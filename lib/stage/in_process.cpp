@@ -30,7 +30,7 @@ class InProcess::Impl {
         throw Error("two stages are named " + other->identity.stage + "; name the instances");
     }
     for (const std::string& channel : member->runner.channels())
-      lcm_.subscribe(channel_regex(channel), &Member::on_message, member.get())
+      lcm_.subscribeFunction(channel_regex(channel), &Member::on_message, member.get())
           ->setQueueCapacity(0);
     members_.push_back(std::move(member));
   }
@@ -60,9 +60,13 @@ class InProcess::Impl {
           runner(*stage, lock_step(channels)),
           identity(make_identity(stage->interface(), name, channels)) {}
 
-    void on_message(const lcm::ReceiveBuffer* buffer, const std::string& channel) {
-      runner.receive(channel, static_cast<const std::uint8_t*>(buffer->data), buffer->data_size,
-                     now_us());
+    static void on_message(const lcm::ReceiveBuffer* buffer, const std::string& channel,
+                           Member* self) {
+      self->receive(channel, static_cast<const std::uint8_t*>(buffer->data), buffer->data_size);
+    }
+
+    void receive(const std::string& channel, const std::uint8_t* data, std::size_t size) {
+      runner.receive(channel, data, size, now_us());
       while (auto job = runner.start(now_us())) {
         const std::int64_t cpu_before = process_cpu_us();
         job->run();

@@ -27,7 +27,8 @@ class SourceHost::Impl {
         lcm_(connect(options_.url)) {
     publish_status(weft::stage_status_t::STARTING);
     if (options_.on_trigger) {
-      lcm_->subscribe(channel_regex(kTriggerChannel), &Impl::on_trigger, this)->setQueueCapacity(0);
+      lcm_->subscribeFunction(channel_regex(kTriggerChannel), &Impl::on_trigger, this)
+          ->setQueueCapacity(0);
     }
   }
 
@@ -52,7 +53,11 @@ class SourceHost::Impl {
   }
 
  private:
-  void on_trigger(const lcm::ReceiveBuffer* buffer, const std::string&) {
+  static void on_trigger(const lcm::ReceiveBuffer* buffer, const std::string&, Impl* self) {
+    self->trigger(buffer);
+  }
+
+  void trigger(const lcm::ReceiveBuffer* buffer) {
     weft::header_t header;
     const int size = static_cast<int>(buffer->data_size);
     const bool decoded = header.decode(buffer->data, 0, size) == size;

@@ -51,7 +51,7 @@ Message decode(const Bytes& bytes) {
 inline header_t header(std::int64_t seq, std::int64_t session = 1,
                        const std::string& camera = "left") {
   header_t h{};
-  h.utime = 1'000'000 + seq;
+  h.utime = 1'000'000 + seq % 1'000'000;
   h.camera = camera;
   h.session = session;
   h.seq = seq;

@@ -89,7 +89,7 @@ class Network : public testing::Test {
   void SetUp() override {
     if (!g_why_not.empty()) GTEST_SKIP() << "no network namespace of our own: " << g_why_not;
     lcm_ = connect(LcmUrl::parse(kStockUrl));
-    lcm_->subscribe(".*", &Network::on_message, this)->setQueueCapacity(0);
+    lcm_->subscribeFunction(".*", &Network::on_message, this)->setQueueCapacity(0);
   }
 
   void send(const std::string& channel, const Bytes& bytes) {
@@ -147,7 +147,11 @@ class Network : public testing::Test {
   std::vector<stage_timing_t> timings_;
 
  private:
-  void on_message(const lcm::ReceiveBuffer* buffer, const std::string& channel) {
+  static void on_message(const lcm::ReceiveBuffer* buffer, const std::string& channel,
+                         Network* self) {
+    self->keep(buffer, channel);
+  }
+  void keep(const lcm::ReceiveBuffer* buffer, const std::string& channel) {
     const auto* data = static_cast<const std::uint8_t*>(buffer->data);
     const Bytes bytes(data, data + buffer->data_size);
     if (channel.starts_with("WORDS"))
