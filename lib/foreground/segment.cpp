@@ -529,12 +529,13 @@ class Segmenter {
 Foreground find_foreground(const rgbd::RgbdFrame& frame, const ForegroundOptions& options) {
   options.validate();
   const cv::Size size(frame.camera.width, frame.camera.height);
-  if (frame.colour.type() != CV_8UC3 || frame.colour.size() != size ||
+  const bool live = options.mode == Foreground::Source::kLive;
+  if ((live && (frame.colour.type() != CV_8UC3 || frame.colour.size() != size)) ||
       frame.depth.type() != CV_16UC1 || frame.depth.size() != size)
     throw Error("segmentation needs 8 bit BGR colour and 16 bit depth of the camera's size");
   Foreground result;
   result.source = options.mode;
-  if (options.mode == Foreground::Source::kDataset) {
+  if (!live) {
     if (frame.mask.type() != CV_8UC1 || frame.mask.size() != size)
       throw Error("frame '" + frame.source +
                   "' brings no mask; use a data set with masks, or mode: live");
