@@ -22,7 +22,7 @@ namespace weft::synth {
 namespace fs = std::filesystem;
 namespace {
 
-constexpr int kVersion = 4;  // of the recipe: same version and options, same bytes
+constexpr int kVersion = 5;  // of the recipe: same version and options, same bytes
 
 struct Source {
   std::string path, name, garment, split, hash;

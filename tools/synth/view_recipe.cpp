@@ -101,7 +101,7 @@ ViewRecipe draw_view(Random& r, const std::vector<const Simulation*>& objects, b
   c.bright_level = r.uniform() < 0.75 ? u(0.5, 0.95) : u(0.95, 2.0);
   c.balance = Vec3(u(0.82, 1.2), u(0.92, 1.08), u(0.8, 1.2));
   c.blur_px = r.uniform() < 0.65 ? u(0.35, 0.95) : u(0.8, 1.4);
-  c.noise_grey = u(0.6, 1.5);
+  c.noise_grey = u(0.7, 1.7);
   c.vignetting = r.uniform() < 0.5 ? u(0.0, 0.2) : u(0.2, 0.6);
   c.gamma = u(1.8, 2.4);
   c.contrast = u(0.0, 0.5);
@@ -110,13 +110,13 @@ ViewRecipe draw_view(Random& r, const std::vector<const Simulation*>& objects, b
   c.mosaic = r.uniform() < 0.6;
   if (c.mosaic) c.blur_px = std::max(c.blur_px, 0.55f);
   c.saturation = u(0.6, 1.15);
-  c.jpeg_quality = r.uniform() < 0.5 ? 0 : static_cast<int>(r.integer(90, 95));
+  c.jpeg_quality = r.uniform() < 0.6 ? 0 : static_cast<int>(r.integer(90, 95));
 
   auto& d = v.depth;
   d.focal_px = u(565.0, 590.0);
   d.window_px = static_cast<int>(r.integer(2, 4));
   d.noise_px = u(0.0, 0.015);
-  d.blotch_px = u(0.02, 0.05);
+  d.blotch_px = u(0.025, 0.055);
   d.blotch_size_px = u(3.5, 7.0);
   d.band_px = u(0.0, 0.05);
   d.band_width_px = u(95.0, 115.0);
