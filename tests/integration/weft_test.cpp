@@ -4,6 +4,7 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <chrono>
 #include <nlohmann/json.hpp>
 #include <set>
@@ -228,6 +229,69 @@ TEST_F(WeftTest, DemoWritesFiguresAndAPageWithEveryFrame) {
   const auto timing = nlohmann::json::parse(read_text_file(path("t.json")));
   EXPECT_EQ(timing["stages"], json["stages"]);
   EXPECT_EQ(weft({"log", "info", path("demo/demo.lcm")}).status, 0);
+}
+
+TEST_F(WeftTest, ReplayFromAStageTakesItsInputsFromTheLog) {
+  NEEDS_PRIVATE_NETWORK();
+  test_stage::write_test_log(path("in.lcm"), 5);
+  const auto replay_to = [&](const std::string& in, const std::string& out,
+                             std::vector<std::string> more) {
+    more.insert(more.begin(), {"replay", path(in), "--set", path("set.yaml"), "--out", path(out)});
+    return weft(more);
+  };
+  ASSERT_EQ(replay_to("in.lcm", "a.lcm", {}).status, 0);
+  const auto again = replay_to("a.lcm", "b.lcm", {"--from", "parts"});
+  ASSERT_EQ(again.status, 0) << again.output;
+  const auto whole = payload_hashes(path("a.lcm")), part = payload_hashes(path("b.lcm"));
+  EXPECT_EQ(part.size(), 15u);
+  for (const auto& line : part)
+    EXPECT_NE(std::find(whole.begin(), whole.end(), line), whole.end()) << line;
+  const auto impossible = replay_to("in.lcm", "c.lcm", {"--from", "parts"});
+  EXPECT_EQ(impossible.status, 1);
+  EXPECT_NE(impossible.output.find("no frame on WORDS_SIFT"), std::string::npos)
+      << impossible.output;
+  EXPECT_EQ(replay_to("in.lcm", "c.lcm", {"--from", "grasp"}).status, 1);
+}
+
+TEST_F(WeftTest, AStageCanBeSwapped) {
+  NEEDS_PRIVATE_NETWORK();
+  test_stage::write_test_log(path("in.lcm"), 3);
+  write_text_file(path("other"), "#!/bin/sh\nexec " + std::string(WEFT_BINARY_DIR) +
+                                     "/bin/weft-test-stage --set impure=true \"$@\"\n");
+  fs::permissions(path("other"), fs::perms::owner_all);
+  const auto replay_with = [&](const std::string& out, const std::string& program) {
+    return weft({"replay", path("in.lcm"), "--set", path("set.yaml"), "--out", path(out), "--swap",
+                 "words=" + program});
+  };
+  EXPECT_EQ(replay_with("a.lcm", "weft-test-stage").status, 0);
+  const auto swapped = replay_with("b.lcm", path("other"));
+  EXPECT_EQ(swapped.status, 0) << swapped.output;
+  EXPECT_NE(first_difference(path("a.lcm"), path("b.lcm")).find("WORDS_SIFT"), std::string::npos);
+  EXPECT_EQ(replay_with("c.lcm", "no-such-program").status, 1);
+}
+
+/// In a user namespace that permits no network namespace of its own, as in a default container.
+TEST_F(WeftTest, WithoutNamespacesTheLoopbackIsUsedAndWithoutItOneProcess) {
+  NEEDS_PRIVATE_NETWORK();
+  const std::string forbid = "echo 0 > /proc/sys/user/max_net_namespaces && ";
+  if (run_command({"unshare", "-U", "-r", "-n", "sh", "-c", forbid + "! unshare -n true"}).status)
+    GTEST_SKIP() << "no user namespace whose limits can be set";
+  test_stage::write_test_log(path("in.lcm"), 3);
+  const std::string replay = "exec " + kWeft + " replay " + path("in.lcm") + " --set " +
+                             path("set.yaml") + " --out " + path("a.lcm");
+  const auto loopback = run_command(
+      {"unshare", "-U", "-r", "-n", "sh", "-c",
+       forbid + "ip link set lo up multicast on && ip route add 224.0.0.0/4 dev lo && " + replay});
+  EXPECT_EQ(loopback.status, 0) << loopback.output;
+  EXPECT_NE(loopback.output.find("on this host's loopback"), std::string::npos) << loopback.output;
+  // The test stages are not built into weft, so it goes no further than choosing.
+  const auto one_process = run_command({"unshare", "-U", "-r", "-n", "sh", "-c", forbid + replay});
+  EXPECT_EQ(one_process.status, 1);
+  EXPECT_NE(
+      one_process.output.find("all stages in one process, since this machine permits neither"),
+      std::string::npos)
+      << one_process.output;
+  EXPECT_NE(one_process.output.find("only runs as a process of its own"), std::string::npos);
 }
 
 /// Kills a stage at a time and by name, while frames are played.

@@ -1,10 +1,12 @@
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cstdio>
 #include <filesystem>
 #include <nlohmann/json.hpp>
 
 #include "base/error.hpp"
+#include "dataset/scene.hpp"
 #include "tools/weft/commands.hpp"
 #include "tools/weft/demo_page.hpp"
 #include "tools/weft/replay.hpp"
@@ -46,6 +48,25 @@ Transport pick_transport(bool in_process, bool attach) {
   return transport;
 }
 
+/// Part polygons of the scenes a log was captured from.
+class Truth {
+ public:
+  /// folder: empty for none.
+  explicit Truth(const std::string& folder) {
+    if (!folder.empty()) dataset_ = dataset::open_dataset(folder);
+  }
+  std::vector<dataset::PartPolygon> of(const FrameContent& content) const {
+    if (!dataset_ || !content.rgbd) return {};
+    const auto& names = dataset_->names();
+    const auto at = std::find(names.begin(), names.end(), content.rgbd->source);
+    if (at == names.end()) return {};
+    return dataset_->read(static_cast<std::size_t>(at - names.begin())).polygons;
+  }
+
+ private:
+  std::unique_ptr<dataset::Dataset> dataset_;
+};
+
 }  // namespace
 
 std::string find_in_project(const std::string& file) {
@@ -69,8 +90,14 @@ int replay_command(const ReplayCommand& command, const StageRegistry& registry) 
     set.find(swap.substr(0, equals)).exec =
         program.find('/') == std::string::npos ? program : fs::absolute(program).string();
   }
-  const auto transport = pick_transport(command.in_process, command.attach);
   ReplayOptions options;
+  if (!command.from.empty()) {
+    set.find(command.from);
+    while (set.processes.front().name != command.from) set.processes.erase(set.processes.begin());
+    options.open_inputs = true;
+  }
+  if (!fs::is_regular_file(command.log)) throw Error(command.log + ": there is no such log");
+  const auto transport = pick_transport(command.in_process, command.attach);
   options.log = command.log;
   options.out = command.out;
   options.log_folder = command.out + ".logs";
@@ -118,7 +145,9 @@ int demo_command(const DemoCommand& command, const StageRegistry& registry) {
   options.log_folder = command.out + "/logs";
   options.frames = static_cast<std::size_t>(command.frames);
   options.player.window = command.window;
+  if (!fs::is_regular_file(options.log)) throw Error(options.log + ": there is no such log");
   const auto transport = pick_transport(command.in_process, false);
+  const Truth truth(command.truth);
   DemoPage page(command.out, command.threshold);
   std::size_t detections = 0;
   std::map<std::string, std::size_t> by_part;
@@ -126,18 +155,26 @@ int demo_command(const DemoCommand& command, const StageRegistry& registry) {
   const auto result =
       replay(set, transport, registry, options,
              [&](const PlayedFrame& frame, const FrameContent& content) {
-               std::string found;
+               std::vector<std::pair<std::string, int>> parts;  // best first, and how often
+               std::map<std::string, double> best;
                if (content.detections) {
                  for (const auto& each : content.detections->detections) {
                    if (each.probability < command.threshold) continue;
                    ++detections;
                    ++by_part[each.part];
-                   found += fmt::format("{}{} {:.2f}", found.empty() ? "" : ", ", each.part,
-                                        each.probability);
+                   const auto [at, is_new] = best.emplace(each.part, each.probability);
+                   at->second = std::max(at->second, each.probability);
+                   if (is_new) parts.emplace_back(each.part, 0);
+                   for (auto& part : parts) part.second += part.first == each.part;
                  }
                }
+               std::string found;
+               for (const auto& [part, count] : parts) {
+                 found += fmt::format("{}{} {:.2f}", found.empty() ? "" : ", ", part, best[part]);
+                 if (count > 1) found += fmt::format(" (and {} more)", count - 1);
+               }
                if (frame.source.pass > 0) return;  // the same pictures again
-               page.add(frame, content);
+               page.add(frame, content, truth.of(content));
                if (found.empty())
                  found = content.problems.empty() ? "nothing" : content.problems.front();
                lines += fmt::format("  {:>4}  {:<28} {}\n", frame.source.name.seq,

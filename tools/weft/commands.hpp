@@ -31,7 +31,7 @@ int logs(const LogsOptions& options);
 int restart(const std::string& process, const std::string& set);
 
 struct ReplayCommand {
-  std::string log, set, out, json;
+  std::string log, set, out, json, from;
   bool verify = false;
   std::string reference;
   bool in_process = false, attach = false;
@@ -42,7 +42,7 @@ struct ReplayCommand {
 int replay_command(const ReplayCommand& command, const StageRegistry& registry);
 
 struct DemoCommand {
-  std::string log, set, json;
+  std::string log, set, json, truth;
   std::string out = "out/demo";
   long frames = 0;
   double threshold = 0.5;

@@ -65,9 +65,10 @@ json outline(const weft::foreground_t& foreground) {
   return all;
 }
 
-/// Grid values warped to the sensor image at half size, as the opacity of one colour.
+/// Grid values warped to the sensor image at half size, as the opacity of one colour; 255 means
+/// full_scale.
 cv::Mat overlay(const weft::probability_map_t& maps, const weft::part_map_t& map, int width,
-                int height, const std::array<int, 3>& colour) {
+                int height, double full_scale, const std::array<int, 3>& colour) {
   const cv::Mat grid(maps.rows, maps.columns, CV_8UC1,
                      const_cast<std::uint8_t*>(map.values.data()));
   const cv::Matx33d view_from_grid(maps.step_px, 0, maps.origin_x, 0, maps.step_px, maps.origin_y,
@@ -77,6 +78,7 @@ cv::Mat overlay(const weft::probability_map_t& maps, const weft::part_map_t& map
   cv::Mat warped;
   cv::warpPerspective(grid, warped, cv::Mat(half * sensor_from_view * view_from_grid),
                       {width / 2, height / 2}, cv::INTER_LINEAR);
+  warped.convertTo(warped, CV_8U, map.full_scale / full_scale);
   const cv::Mat planes[] = {cv::Mat(warped.size(), CV_8UC1, cv::Scalar(colour[0])),
                             cv::Mat(warped.size(), CV_8UC1, cv::Scalar(colour[1])),
                             cv::Mat(warped.size(), CV_8UC1, cv::Scalar(colour[2])), warped};
@@ -110,7 +112,8 @@ DemoPage::DemoPage(fs::path folder, double threshold) : data_(std::make_unique<D
 
 DemoPage::~DemoPage() = default;
 
-void DemoPage::add(const PlayedFrame& frame, const FrameContent& content) {
+void DemoPage::add(const PlayedFrame& frame, const FrameContent& content,
+                   const std::vector<dataset::PartPolygon>& truth) {
   auto& data = *data_;
   const std::string number = fmt::format("{:04}", data.frames.size());
   json entry{{"name", std::to_string(frame.source.name.seq)},
@@ -151,11 +154,13 @@ void DemoPage::add(const PlayedFrame& frame, const FrameContent& content) {
   }
   if (content.foreground) entry["outline"] = outline(*content.foreground);
   if (content.maps) {
+    double full_scale = 1e-6;  // one for the whole frame: a weak part looks weak
+    for (const auto& map : content.maps->maps) full_scale = std::max(full_scale, map.full_scale);
     for (const auto& map : content.maps->maps) {
       const auto colour = kPalette[data.part_index(map.part) % kPalette.size()];
       const std::string name = "frames/" + number + "-" + file_name(map.part) + ".png";
       if (!cv::imwrite((data.folder / name).string(),
-                       overlay(*content.maps, map, width, height, colour)))
+                       overlay(*content.maps, map, width, height, full_scale, colour)))
         throw Error((data.folder / name).string() + ": cannot write the probability map");
       entry["maps"].push_back({{"part", map.part}, {"image", name}});
     }
@@ -185,6 +190,13 @@ void DemoPage::add(const PlayedFrame& frame, const FrameContent& content) {
                                  {"pixel", {each.pixel[0], each.pixel[1]}},
                                  {"from", tail}});
     }
+  }
+  for (const auto& polygon : truth) {
+    if (polygon.ignore) continue;
+    data.part_index(polygon.part);
+    json points = json::array();
+    for (const auto& point : polygon.points) points.push_back({point.x, point.y});
+    entry["truth"].push_back({{"part", polygon.part}, {"points", points}});
   }
   data.frames.push_back(std::move(entry));
 }

@@ -6,6 +6,7 @@
 #include <utility>
 #include <vector>
 
+#include "dataset/scene.hpp"
 #include "tools/weft/frame_content.hpp"
 #include "tools/weft/player.hpp"
 #include "tools/weft/timing_report.hpp"
@@ -19,7 +20,9 @@ class DemoPage {
   /// Empties FOLDER/frames. threshold: detections below it are hidden at first.
   DemoPage(std::filesystem::path folder, double threshold);
   ~DemoPage();
-  void add(const PlayedFrame& frame, const FrameContent& content);
+  /// truth: part polygons to show beside the detections, in px of the frame.
+  void add(const PlayedFrame& frame, const FrameContent& content,
+           const std::vector<dataset::PartPolygon>& truth);
   struct Figure {
     std::string name;
     std::string value;

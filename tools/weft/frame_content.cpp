@@ -71,6 +71,7 @@ std::string contradiction(const weft::probability_map_t& maps) {
   for (const auto& map : maps.maps) {
     if (static_cast<std::int64_t>(map.values.size()) != std::int64_t{maps.columns} * maps.rows)
       return "map size";
+    if (!(map.full_scale >= 0.0) || map.full_scale > 1e6) return "scale of a map";
   }
   return "";
 }

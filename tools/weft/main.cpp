@@ -25,15 +25,15 @@ const std::map<std::string, std::string> kPrograms = {
     {"bench", "benchmarks, each with its peer in the same run"},
 };
 
-/// weft bench NAME is the program weft-bench-NAME.
+/// weft bench NAME is the program weft-bench-NAME, weft train the program weft-train.
 int run_program(const std::string& name, std::vector<std::string> args) {
   std::string program = "weft-" + name;
-  if (name == "bench") {
+  if (name == "bench" || name == "synth") {
     if (args.empty() || args.front().starts_with("-")) {
-      fmt::print("usage: weft bench NAME [options]; built here:");
+      fmt::print("usage: weft {} NAME [options]; built here:", name);
       for (const auto& entry : std::filesystem::directory_iterator(program_folder())) {
         const auto file = entry.path().filename().string();
-        if (file.starts_with("weft-bench-")) fmt::print(" {}", file.substr(11));
+        if (file.starts_with(program + "-")) fmt::print(" {}", file.substr(program.size() + 1));
       }
       fmt::print("\n");
       return args.empty() || args.front() != "--help" ? 2 : 0;
@@ -68,6 +68,9 @@ int run(int argc, char** argv) {
   sub->add_option("--loop", demo.frames, "frames to play, repeating the log as new frames")
       ->check(CLI::Range(1, 10000000));
   sub->add_option("--json", demo.json, "write the figures to this file");
+  sub->add_option(
+      "--truth", demo.truth,
+      "dataset folder the log was captured from: the page shows its part polygons, too");
   sub->add_option("--out", demo.out, "folder for the page")->capture_default_str();
   sub->add_option("--threshold", demo.threshold, "probability a detection must have to be counted")
       ->check(CLI::Range(0.0, 1.0))
@@ -130,6 +133,9 @@ int run(int argc, char** argv) {
   sub->add_option("--json", replay.json, "write the figures to this file");
   sub->add_option("--swap", replay.swaps, "another program for one stage; may be repeated")
       ->type_name("STAGE=PROGRAM");
+  sub->add_option("--from", replay.from,
+                  "run this stage and those after it in the set; what they read comes from the log")
+      ->type_name("STAGE");
   sub->add_option("--window", replay.window, "frames in flight")
       ->check(CLI::Range(1, 64))
       ->capture_default_str();

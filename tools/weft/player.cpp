@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <set>
+#include <thread>
 
 #include "base/error.hpp"
 #include "tools/weft/message.hpp"
@@ -16,6 +17,7 @@ constexpr milliseconds kOvertakenGrace{100};
 constexpr milliseconds kLeastPatience{500};
 /// STAGE_TIMING comes after the answers; a lost one is not worth waiting longer for.
 constexpr milliseconds kTimingPatience{300};
+constexpr milliseconds kPartPause{4};
 
 bool contains(const std::vector<std::string>& list, const std::string& text) {
   return std::find(list.begin(), list.end(), text) != list.end();
@@ -117,7 +119,7 @@ void Player::play(std::size_t count, const std::function<SourceFrame(std::size_t
       const auto [at, is_new] = flights_.emplace(name, std::move(flight));
       if (!is_new) throw Error("frame " + to_string(name) + " was played twice");
       order.push_back(name);
-      for (const auto& event : at->second.source.events) bus_.publish(event.channel, event.data);
+      send(at->second, nullptr, 0);
       update_ready(at->second);
     }
     receive(milliseconds(10));
@@ -243,6 +245,18 @@ milliseconds Player::patience(std::size_t stage, int attempts) const {
   return base * (1 << std::min(attempts, 4));
 }
 
+/// Sends the sources of a frame, or those of one channel. A frame in parts is larger than a
+/// receiver's socket buffer, so the receivers get time to empty it.
+void Player::send(const Flight& flight, const std::string* channel, int attempts) {
+  bool first = true;
+  for (const auto& event : flight.source.events) {
+    if (channel && event.channel != *channel) continue;
+    if (!first) std::this_thread::sleep_for(kPartPause * (attempts + 1));
+    first = false;
+    bus_.publish(event.channel, event.data);
+  }
+}
+
 void Player::resend_overdue() {
   const auto now = Clock::now();
   for (auto& [name, flight] : flights_) {
@@ -267,9 +281,7 @@ void Player::resend(Flight& flight, std::size_t stage) {
   for (const auto& input : pipeline_[stage].inputs) {
     if (const auto known = flight.outputs.find(input); known != flight.outputs.end())
       bus_.publish(input, known->second);
-    for (const auto& event : flight.source.events) {
-      if (event.channel == input) bus_.publish(input, event.data);
-    }
+    send(flight, &input, flight.stages[stage].attempts + 1);
   }
   auto& pending = flight.stages[stage];
   pending.since = Clock::now();

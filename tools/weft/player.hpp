@@ -96,6 +96,7 @@ class Player {
   void take_output(BusMessage&& message);
   void update_ready(Flight& flight);
   bool entry_stages_answered(const Flight& flight) const;
+  void send(const Flight& flight, const std::string* channel, int attempts);
   void resend_overdue();
   void resend(Flight& flight, std::size_t stage);
   bool finished(Flight& flight) const;

@@ -66,21 +66,23 @@ std::string describe(const Key& key) {
 ReplayResult replay(const ProcessSet& set, Transport transport, const StageRegistry& registry,
                     const ReplayOptions& options,
                     const std::function<void(const PlayedFrame&, const FrameContent&)>& see) {
-  SourceLog source(options.log, set.sources);
+  Session session(set, transport, registry, options.log_folder, options.player);
+  auto& player = session.player();
+  player.wait_ready();
+  const auto open_inputs = player.open_inputs();
+  const auto& channels = options.open_inputs ? open_inputs : set.sources;
+  for (const auto& input : open_inputs) {
+    if (std::find(channels.begin(), channels.end(), input) == channels.end())
+      throw Error("no stage of set " + set.name + " writes " + input +
+                  ", which one of them reads; add it to the sources or map it");
+  }
+  SourceLog source(options.log, channels);
   ReplayResult result;
   result.frames = options.frames > 0 ? options.frames : source.size();
   for (const auto& damage : source.damage())
     result.damage.push_back(options.log + ": " + std::to_string(damage.bytes) +
                             " bytes skipped at byte " + std::to_string(damage.offset) + ": " +
                             damage.what);
-  Session session(set, transport, registry, options.log_folder, options.player);
-  auto& player = session.player();
-  player.wait_ready();
-  for (const auto& input : player.open_inputs()) {
-    if (std::find(set.sources.begin(), set.sources.end(), input) == set.sources.end())
-      throw Error("no stage of set " + set.name + " writes " + input +
-                  ", which one of them reads; add it to the sources or map it");
-  }
   // The log takes its name when it is whole.
   const std::string part = options.out + ".part";
   std::unique_ptr<stage::LogWriter> out;

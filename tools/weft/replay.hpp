@@ -12,9 +12,10 @@ namespace weft {
 
 struct ReplayOptions {
   std::string log;
-  std::string out;         // the log to write; empty: none
-  std::string log_folder;  // for what the processes write
-  std::size_t frames = 0;  // 0: once over the log; more than that: the log again, as new frames
+  std::string out;           // the log to write; empty: none
+  std::string log_folder;    // for what the processes write
+  bool open_inputs = false;  // play whatever the stages read and none of them writes
+  std::size_t frames = 0;    // 0: once over the log; more than that: the log again, as new frames
   PlayerOptions player;
 };
 
