@@ -117,9 +117,9 @@ void flatten(const StrictMap& map, const YAML::Node& node, const std::string& pa
 }
 
 ProcessSpec read_process(const YAML::Node& node, const fs::path& file) {
-  StrictMap map(
-      node, file.string(), "a process",
-      {"name", "exec", "settings", "with", "map", "host", "queue", "deadline_ms", "stop_wait_s"});
+  StrictMap map(node, file.string(), "a process",
+                {"name", "exec", "settings", "with", "map", "host", "queue", "deadline_ms",
+                 "source", "stop_wait_s"});
   ProcessSpec process;
   process.name = map.need<std::string>("name", "a name");
   check_name(map, node, process.name);
@@ -148,6 +148,7 @@ ProcessSpec read_process(const YAML::Node& node, const fs::path& file) {
     }
   }
   process.host = map.get<std::string>("host", "", "a host name");
+  process.source = map.get<bool>("source", false, "true or false");
   process.queue = map.integer("queue", 0, 0, 10000);
   process.deadline_ms = map.integer("deadline_ms", 0, 0, 600000);
   process.stop_wait_s = map.integer("stop_wait_s", 5, 1, 600);
@@ -253,6 +254,7 @@ std::vector<std::string> command_line(const ProcessSet& set, const ProcessSpec& 
     args.push_back("--map");
     args.push_back(from + "=" + to);
   }
+  if (process.source) return args;  // waits for nobody and drops nothing
   if (lock_step) {
     args.push_back("--lock-step");
   } else {

@@ -16,6 +16,7 @@ struct ProcessSpec {
   std::vector<std::string> with;           // "group.key=value", on top of the settings file
   std::map<std::string, std::string> map;  // channel as the stage knows it -> channel on the wire
   std::string host;                        // runs only there; empty: on every host
+  bool source = false;                     // makes the source channels: a replay does not start it
   int queue = 0;                           // frames waiting at most, live mode; 0: stage's default
   int deadline_ms = 0;                     // wait for a frame's inputs, live mode; 0: default
   int stop_wait_s = 5;                     // grace after SIGINT before SIGKILL

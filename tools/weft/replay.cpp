@@ -63,9 +63,11 @@ std::string describe(const Key& key) {
 
 }  // namespace
 
-ReplayResult replay(const ProcessSet& set, Transport transport, const StageRegistry& registry,
+ReplayResult replay(const ProcessSet& whole_set, Transport transport, const StageRegistry& registry,
                     const ReplayOptions& options,
                     const std::function<void(const PlayedFrame&, const FrameContent&)>& see) {
+  ProcessSet set = whole_set;
+  std::erase_if(set.processes, [](const ProcessSpec& process) { return process.source; });
   Session session(set, transport, registry, options.log_folder, options.player);
   auto& player = session.player();
   player.wait_ready();

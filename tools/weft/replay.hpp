@@ -32,9 +32,10 @@ struct ReplayResult {
   bool good() const { return answered == frames && inconsistencies.empty(); }
 };
 
-/// Plays the source channels of a log through a set in lock-step. The log it writes holds, frame by
-/// frame, the sources, the answers in pipeline order and the STAGE_TIMINGs, all with the time of
-/// the frame; at its end the last STAGE_STATUS of each stage. see: called for each frame, in order.
+/// Plays the source channels of a log through a set, its sources left out, in lock-step. The log it
+/// writes holds, frame by frame, the sources, the answers in pipeline order and the STAGE_TIMINGs,
+/// all with the time of the frame; at its end the last STAGE_STATUS of each stage. see: called for
+/// each frame, in order.
 ReplayResult replay(const ProcessSet& set, Transport transport, const StageRegistry& registry,
                     const ReplayOptions& options,
                     const std::function<void(const PlayedFrame&, const FrameContent&)>& see);

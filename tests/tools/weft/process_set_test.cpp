@@ -93,7 +93,7 @@ TEST_F(ProcessSetTest, ErrorsNameFileLineAndWhatWasExpected) {
             "x.yaml:3: a process has no key 'exec'; expected a program beside weft, or a path");
   EXPECT_EQ(error("sources: [RGBD_FRAME]\nprocesses:\n  - name: a\n    exec: b\n    sett: c"),
             "x.yaml:5: unknown key 'sett' in a process; expected one of: deadline_ms, exec, host, "
-            "map, name, queue, settings, stop_wait_s, with");
+            "map, name, queue, settings, source, stop_wait_s, with");
   EXPECT_NE(error("sources: [RGBD_FRAME]\nprocesses:\n  - {name: a, exec: b, settings: no.yaml}")
                 .find("x.yaml:3: settings file "),
             std::string::npos);
