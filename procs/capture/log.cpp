@@ -14,9 +14,9 @@ LogResult write_log(stage::Source& source, const std::string& path, const LogOpt
   stage::LogWriter log(path);
   LogResult result;
   while (options.count == 0 || result.frames < options.count) {
-    const auto utime = options.start_utime + static_cast<std::int64_t>(
-                                                 static_cast<double>(result.frames) * 1e6 /
-                                                 options.rate_hz);
+    const auto utime =
+        options.start_utime +
+        static_cast<std::int64_t>(static_cast<double>(result.frames) * 1e6 / options.rate_hz);
     const auto answer = runner.next(utime, stop);
     if (!answer) break;
     for (const auto& message : answer->messages) {

@@ -108,8 +108,8 @@ std::unique_ptr<CaptureSource> make_source(const Settings& settings) {
   CaptureOptions options;
   settings.read(options);
   if (!options.device.empty()) {
-    const bool file = options.device.size() > 4 &&
-                      options.device.substr(options.device.size() - 4) == ".oni";
+    const bool file =
+        options.device.size() > 4 && options.device.substr(options.device.size() - 4) == ".oni";
     return std::make_unique<CameraSource>(options,
                                           file ? settings.path(options.device) : options.device);
   }
