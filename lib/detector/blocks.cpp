@@ -10,10 +10,42 @@ namespace {
 constexpr int kMaxBlocks = 8;
 }
 
-int total_words(const std::vector<HistogramBlock>& blocks) {
-  int words = 0;
-  for (const auto& block : blocks) words += block.words;
-  return words;
+int total_entries(const std::vector<HistogramBlock>& blocks) {
+  int entries = 0;
+  for (const auto& block : blocks) entries += block.entries();
+  return entries;
+}
+
+int count_block(const HistogramBlock& block, const bovw::WordGrid& grid,
+                const bovw::CellBox& window, std::span<std::int32_t> counts) {
+  const auto words = static_cast<std::size_t>(block.words);
+  const int total = bovw::count_words(grid, window, counts.first(words));
+  if (block.context) {
+    int inside = 0;
+    const int column_end = std::min(grid.columns, window.column + window.columns);
+    const int row_end = std::min(grid.rows, window.row + window.rows);
+    for (int row = std::max(0, window.row); row < row_end; ++row) {
+      for (int column = std::max(0, window.column); column < column_end; ++column) {
+        inside += grid.at(column, row) != bovw::WordGrid::kOutsideMask;
+      }
+    }
+    counts[words] = inside - total;
+    counts[words + 1] = window.columns * window.rows - inside;
+  }
+  return total;
+}
+
+std::vector<std::int32_t> count_blocks(const std::vector<HistogramBlock>& blocks,
+                                       std::span<const bovw::WordGrid* const> grids,
+                                       const bovw::CellBox& window) {
+  std::vector<std::int32_t> counts(static_cast<std::size_t>(total_entries(blocks)));
+  std::size_t begin = 0;
+  for (std::size_t b = 0; b < blocks.size(); ++b) {
+    const auto size = static_cast<std::size_t>(blocks[b].entries());
+    count_block(blocks[b], *grids[b], window, std::span(counts).subspan(begin, size));
+    begin += size;
+  }
+  return counts;
 }
 
 void validate_blocks(const std::vector<HistogramBlock>& blocks, const std::string& where) {
@@ -23,7 +55,7 @@ void validate_blocks(const std::vector<HistogramBlock>& blocks, const std::strin
   }
   for (const auto& block : blocks) {
     if (block.descriptor.empty()) throw Error(where + ": a descriptor without a name");
-    if (block.words < 1 || block.words > 32767) {
+    if (block.words < 1 || block.words > 32765) {
       throw Error(where + ": vocabulary of " + std::to_string(block.words) + " words");
     }
   }
@@ -68,6 +100,7 @@ void write_blocks(BlobWriter& blob, const std::vector<HistogramBlock>& blocks) {
     blob.add(name + "descriptor", blocks[i].descriptor);
     blob.add_number(name + "vocabulary_hash", static_cast<std::int64_t>(blocks[i].vocabulary_hash));
     blob.add_number(name + "words", static_cast<std::int64_t>(blocks[i].words));
+    blob.add_number(name + "context", static_cast<std::int64_t>(blocks[i].context));
   }
 }
 
@@ -80,6 +113,7 @@ std::vector<HistogramBlock> read_blocks(const BlobReader& blob) {
     blocks[i].vocabulary_hash =
         static_cast<std::uint64_t>(blob.integer(name + "vocabulary_hash", INT64_MIN, INT64_MAX));
     blocks[i].words = static_cast<int>(blob.integer(name + "words", 1, 32767));
+    blocks[i].context = blob.integer(name + "context", 0, 1) != 0;
   }
   return blocks;
 }

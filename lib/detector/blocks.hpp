@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "base/blob.hpp"
+#include "bovw/histogram.hpp"
 #include "bovw/word_grid.hpp"
 #include "detector/types.hpp"
 #include "detector/window_scorer.hpp"
@@ -12,7 +13,19 @@
 /// What the refine and prior models have in common: the histogram blocks of their input.
 namespace weft::detector {
 
-int total_words(const std::vector<HistogramBlock>& blocks);
+/// Entries of the blocks' histograms, one after the other.
+int total_entries(const std::vector<HistogramBlock>& blocks);
+
+/// Counts a window of a grid: the block's words, then, with context, points inside the mask without
+/// a word and points outside it, the part of the window that overhangs the grid included. counts:
+/// block.entries(), overwritten. Returns the number of words.
+int count_block(const HistogramBlock& block, const bovw::WordGrid& grid,
+                const bovw::CellBox& window, std::span<std::int32_t> counts);
+
+/// The same for all blocks, one histogram after the other.
+std::vector<std::int32_t> count_blocks(const std::vector<HistogramBlock>& blocks,
+                                       std::span<const bovw::WordGrid* const> grids,
+                                       const bovw::CellBox& window);
 
 /// Throws Error naming `where` for no block or a block without a descriptor or words.
 void validate_blocks(const std::vector<HistogramBlock>& blocks, const std::string& where);

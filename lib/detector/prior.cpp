@@ -11,13 +11,16 @@ namespace weft::detector {
 
 void PriorModel::validate(const std::string& where) const {
   validate_blocks(blocks, where);
+  for (const auto& block : blocks) {
+    if (block.context) throw Error(where + ": the image-level prior knows words only");
+  }
   if (parts.empty()) throw Error(where + ": no parts");
   for (const auto& part : parts) {
     validate_part(part.part, where);
     const auto fail = [&](const std::string& what) {
       throw Error(where + ": " + part.part + ": " + what);
     };
-    if (static_cast<int>(part.weights.size()) != total_words(blocks)) {
+    if (static_cast<int>(part.weights.size()) != total_entries(blocks)) {
       fail("weights do not fit the words");
     }
     if (!std::isfinite(part.bias) || !std::all_of(part.weights.begin(), part.weights.end(),

@@ -22,7 +22,7 @@ float sparse_histogram(const std::vector<std::int32_t>& counts,
   float sum = 0.0f;
   std::size_t begin = 0;
   for (const auto& block : blocks) {
-    const std::size_t end = begin + static_cast<std::size_t>(block.words);
+    const std::size_t end = begin + static_cast<std::size_t>(block.entries());
     const auto total = std::accumulate(counts.begin() + static_cast<std::ptrdiff_t>(begin),
                                        counts.begin() + static_cast<std::ptrdiff_t>(end), 0);
     for (std::size_t w = begin; w < end; ++w) {
@@ -54,7 +54,7 @@ void RefineModel::validate(const std::string& where) const {
       }
     }
     if (svm.coefficients.empty()) fail("no support vectors");
-    if (svm.counts.size() != svm.coefficients.size() * static_cast<std::size_t>(words())) {
+    if (svm.counts.size() != svm.coefficients.size() * static_cast<std::size_t>(entries())) {
       fail("counts and coefficients do not fit together");
     }
     for (const auto count : svm.counts) {
@@ -132,38 +132,24 @@ RefineModel RefineModel::read(const std::string& path) {
   return model;
 }
 
-std::vector<std::int32_t> window_counts(std::span<const bovw::WordGrid* const> grids,
-                                        const bovw::CellBox& window) {
-  std::size_t words = 0;
-  for (const auto* grid : grids) words += static_cast<std::size_t>(grid->vocabulary_size);
-  std::vector<std::int32_t> counts(words);
-  std::size_t begin = 0;
-  for (const auto* grid : grids) {
-    const auto size = static_cast<std::size_t>(grid->vocabulary_size);
-    bovw::count_words(*grid, window, std::span(counts).subspan(begin, size));
-    begin += size;
-  }
-  return counts;
-}
-
 double chi2_distance(const std::int32_t* a, const std::int32_t* b,
                      const std::vector<HistogramBlock>& blocks) {
   double distance = 0.0;
   for (const auto& block : blocks) {
-    const double total_a = std::accumulate(a, a + block.words, 0);
-    const double total_b = std::accumulate(b, b + block.words, 0);
+    const double total_a = std::accumulate(a, a + block.entries(), 0);
+    const double total_b = std::accumulate(b, b + block.entries(), 0);
     if (total_a > 0) distance += 1.0;
     if (total_b > 0) distance += 1.0;
     // (x-t)^2 / (x+t) = x + t - 4 x t / (x+t); with x = a / total_a the last term becomes
     // 4 a b / (a total_b + b total_a).
     double common = 0.0;
-    for (int w = 0; w < block.words; ++w) {
+    for (int w = 0; w < block.entries(); ++w) {
       if (a[w] == 0 || b[w] == 0) continue;
       common += static_cast<double>(a[w]) * b[w] / (a[w] * total_b + b[w] * total_a);
     }
     distance -= 4.0 * common;
-    a += block.words;
-    b += block.words;
+    a += block.entries();
+    b += block.entries();
   }
   return distance;
 }
@@ -212,7 +198,7 @@ Refiner::Refiner(RefineModel model, const RefinerOptions& options)
     : model_(std::move(model)), options_(options) {
   options_.validate();
   model_.validate("refine model");
-  const int words = model_.words();
+  const int words = model_.entries();
   for (const auto& svm : model_.parts) {
     const int count = svm.support_vectors();
     Packed packed;
@@ -239,7 +225,7 @@ Refiner::Refiner(RefineModel model, const RefinerOptions& options)
 
 double Refiner::decide(int part, const std::vector<std::int32_t>& counts) const {
   const auto& svm = model_.parts.at(static_cast<std::size_t>(part));
-  if (static_cast<int>(counts.size()) != model_.words()) {
+  if (static_cast<int>(counts.size()) != model_.entries()) {
     throw Error("word counts do not fit the refine model");
   }
   std::vector<chi2::Entry> entries;
@@ -247,7 +233,7 @@ double Refiner::decide(int part, const std::vector<std::int32_t>& counts) const 
   if (entries.empty()) return kNever;
   const chi2::Histogram histogram{entries.data(), static_cast<std::int32_t>(entries.size()), sum};
   double value = 0.0;
-  chi2::best_kernel()(packed_[static_cast<std::size_t>(part)].model(model_.words(), svm.gamma),
+  chi2::best_kernel()(packed_[static_cast<std::size_t>(part)].model(model_.entries(), svm.gamma),
                       &histogram, 1, &value);
   return value - svm.rho;
 }
@@ -328,8 +314,8 @@ std::vector<Detection> Refiner::refine(std::span<const bovw::WordGrid* const> gr
       std::vector<std::size_t> begins;
       for (std::size_t w = begin; w < end; ++w) {
         begins.push_back(entries.size());
-        const float sum =
-            sparse_histogram(window_counts(grids, windows[w].where), model_.blocks, entries);
+        const float sum = sparse_histogram(count_blocks(model_.blocks, grids, windows[w].where),
+                                           model_.blocks, entries);
         histograms.push_back(
             {nullptr, static_cast<std::int32_t>(entries.size() - begins.back()), sum});
       }
@@ -337,7 +323,7 @@ std::vector<Detection> Refiner::refine(std::span<const bovw::WordGrid* const> gr
         histograms[h].entries = entries.data() + begins[h];
       }
       std::vector<double> sums(histograms.size());
-      kernel(packed_[part].model(model_.words(), svm.gamma), histograms.data(),
+      kernel(packed_[part].model(model_.entries(), svm.gamma), histograms.data(),
              static_cast<std::int32_t>(histograms.size()), sums.data());
       for (std::size_t h = 0; h < histograms.size(); ++h) {
         if (histograms[h].count > 0) windows[begin + h].decision = sums[h] - svm.rho;

@@ -42,7 +42,7 @@ struct RefinerOptions {
 struct PartSvm {
   std::string part;
   std::vector<WindowShape> shapes;   // of the windows tried around a candidate
-  std::vector<std::int32_t> counts;  // word counts of the support vectors, one after the other
+  std::vector<std::int32_t> counts;  // of the support vectors, one histogram after the other
   std::vector<double> coefficients;  // alpha_i y_i
   double gamma = 1.0;
   double rho = 0.0;
@@ -57,7 +57,7 @@ struct RefineModel {
   std::vector<PartSvm> parts;
   std::uint64_t hash = 0;  // set by read()
 
-  int words() const { return total_words(blocks); }
+  int entries() const { return total_entries(blocks); }
   /// Throws Error naming `where`, the part and the rule that is broken.
   void validate(const std::string& where) const;
   static RefineModel read(const std::string& path);
@@ -68,10 +68,6 @@ struct RefineModel {
 /// counts; an empty block counts as zeros. Double precision, for training and tests.
 double chi2_distance(const std::int32_t* a, const std::int32_t* b,
                      const std::vector<HistogramBlock>& blocks);
-
-/// Word counts of a window, block after block.
-std::vector<std::int32_t> window_counts(std::span<const bovw::WordGrid* const> grids,
-                                        const bovw::CellBox& window);
 
 /// The box a window covers in the view: half a step beyond its outermost grid points.
 Box window_box(const bovw::WordGrid& grid, const bovw::CellBox& window);
@@ -98,7 +94,7 @@ class Refiner {
   std::vector<Detection> refine(std::span<const bovw::WordGrid* const> grids,
                                 std::span<const Candidate> candidates, int threads) const;
 
-  /// Decision value f(x) of a part's SVM for word counts; -infinity for no words at all.
+  /// Decision value f(x) of a part's SVM for a window's counts; -infinity when all are 0.
   double decide(int part, const std::vector<std::int32_t>& counts) const;
 
   const RefineModel& model() const { return model_; }

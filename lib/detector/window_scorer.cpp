@@ -148,9 +148,9 @@ void ScoreModel::validate(const std::string& where) const {
     if (part.part.empty() || part.part.find('\n') != std::string::npos) fail("a part has no name");
     if (part.weights.size() != blocks.size()) fail(name + " has weights of other blocks");
     for (std::size_t b = 0; b < blocks.size(); ++b) {
-      if (part.weights[b].size() != static_cast<std::size_t>(blocks[b].words))
+      if (part.weights[b].size() != static_cast<std::size_t>(blocks[b].entries()))
         fail(name + " has " + std::to_string(part.weights[b].size()) + " weights for " +
-             std::to_string(blocks[b].words) + " words of " + blocks[b].descriptor);
+             std::to_string(blocks[b].entries()) + " entries of " + blocks[b].descriptor);
       for (const auto weight : part.weights[b]) {
         if (weight < -kMaxWeight || weight > kMaxWeight) fail(name + " has a weight beyond +-1024");
       }
@@ -229,15 +229,15 @@ double window_score(const ScoreModel& model, int part,
     if (counts[b].size() != classifier.weights[b].size())
       throw Error("window_score: the histogram is not of the model's vocabulary");
     std::int64_t sum = 0;
-    int words = 0;
+    int all = 0;
     for (std::size_t word = 0; word < counts[b].size(); ++word) {
       const int count = counts[b][word];
-      words += count;
+      all += count;
+      if (static_cast<int>(word) < model.blocks[b].words) total += count;
       sum += classifier.weights[b][word] *
              (model.norm == HistogramNorm::kSqrtL2 ? fixed_root(count) : count);
     }
-    score += block_score(model.norm, sum, words);
-    total += words;
+    score += block_score(model.norm, sum, all);
   }
   return total < model.min_words ? kNone : score;
 }
@@ -272,9 +272,10 @@ WindowScorer::WindowScorer(const ScoreModel& model, std::span<const bovw::WordGr
   const auto cells = static_cast<std::size_t>(columns_) * static_cast<std::size_t>(rows_);
   for (const auto* each : grids_) {
     Layout layout;
-    const auto no_word = static_cast<std::uint16_t>(each->vocabulary_size);
-    layout.by_row.assign(cells, no_word);
-    layout.by_column.assign(cells, no_word);
+    // After the words: plain cloth, then what lies outside the mask.
+    const int plain = each->vocabulary_size;
+    layout.by_row.resize(cells);
+    layout.by_column.resize(cells);
     layout.counts.assign(
         static_cast<std::size_t>(columns_ + 1) * static_cast<std::size_t>(rows_ + 1), 0);
     for (int row = 0; row < rows_; ++row) {
@@ -282,14 +283,12 @@ WindowScorer::WindowScorer(const ScoreModel& model, std::span<const bovw::WordGr
       for (int column = 0; column < columns_; ++column) {
         const int x = bounds_.column + column - pad_columns_, y = bounds_.row + row - pad_rows_;
         const bool inside = x >= 0 && y >= 0 && x < each->columns && y < each->rows;
-        const int word = inside ? each->at(x, y) : bovw::WordGrid::kOutsideMask;
-        if (word >= 0) {
-          ++in_row;
-          layout.by_row[static_cast<std::size_t>(row * columns_ + column)] =
-              static_cast<std::uint16_t>(word);
-          layout.by_column[static_cast<std::size_t>(column * rows_ + row)] =
-              static_cast<std::uint16_t>(word);
-        }
+        int word = inside ? each->at(x, y) : bovw::WordGrid::kOutsideMask;
+        in_row += word >= 0;
+        if (word < 0) word = word == bovw::WordGrid::kNoWord ? plain : plain + 1;
+        layout.by_row[static_cast<std::size_t>(row * columns_ + column)] =
+            layout.by_column[static_cast<std::size_t>(column * rows_ + row)] =
+                static_cast<std::uint16_t>(word);
         layout.counts[static_cast<std::size_t>((row + 1) * (columns_ + 1) + column + 1)] =
             layout.counts[static_cast<std::size_t>(row * (columns_ + 1) + column + 1)] + in_row;
       }
@@ -339,7 +338,7 @@ void WindowScorer::score(int part, const WindowShape& shape, WindowScratch& scra
       auto& words = scratch.words;
       words.clear();
       for (const auto weight : weights) words.push_back({weight, 0});
-      words.push_back({0, 0});  // no word
+      words.resize(static_cast<std::size_t>(model_.blocks[b].words) + 2);  // 0 without context
       // The shorter edge moves.
       if (high <= wide) {
         slide(layout.by_column.data() + column0 * rows_ + row0, rows_, bounds_.columns,
@@ -368,6 +367,8 @@ void WindowScorer::score(int part, const WindowShape& shape, WindowScratch& scra
     box_sums(layout.counts, columns_ + 1, column0, row0, bounds_.columns, bounds_.rows, wide, high,
              scratch.counts.data());
     for (std::size_t i = 0; i < positions; ++i) scratch.totals[i] += scratch.counts[i];
+    if (model_.blocks[b].context)
+      std::fill(scratch.counts.begin(), scratch.counts.end(), wide * high);
     const auto add = model_.norm == HistogramNorm::kSqrtL2 ? add_scores<HistogramNorm::kSqrtL2>
                      : model_.norm == HistogramNorm::kL1   ? add_scores<HistogramNorm::kL1>
                                                            : add_scores<HistogramNorm::kRaw>;

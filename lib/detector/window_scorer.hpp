@@ -31,6 +31,11 @@ struct HistogramBlock {
   std::string descriptor;
   std::uint64_t vocabulary_hash = 0;
   int words = 0;
+  /// Two more entries count the window's points inside the mask without a word (plain cloth) and
+  /// those outside it (table): where in the garment a window lies, whatever the cloth looks like.
+  bool context = false;
+
+  int entries() const { return context ? words + 2 : words; }
 };
 
 /// Logistic regression of one part.

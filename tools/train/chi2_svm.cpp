@@ -90,7 +90,7 @@ std::vector<int> all_but(const std::vector<int>& fold, int held_out) {
 Windows thinned(const Windows& windows, int drop) {
   Windows result;
   result.blocks = windows.blocks;
-  const auto words = static_cast<std::ptrdiff_t>(detector::total_words(windows.blocks));
+  const auto words = static_cast<std::ptrdiff_t>(detector::total_entries(windows.blocks));
   for (int i = 0; i < windows.rows(); ++i) {
     if (i % drop == drop - 1) continue;
     const auto at = static_cast<std::size_t>(i);
@@ -107,7 +107,7 @@ Windows thinned(const Windows& windows, int drop) {
 SvmResult train_chi2_svm(const Windows& windows, int folds, const SvmOptions& options) {
   svm_set_print_string_function([](const char*) {});
   const int n = windows.rows();
-  const int words = detector::total_words(windows.blocks);
+  const int words = detector::total_entries(windows.blocks);
   const auto size = static_cast<std::size_t>(n);
   std::vector<float> distance(size * size, 0.0f);
   double sum = 0.0;

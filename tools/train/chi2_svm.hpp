@@ -31,7 +31,7 @@ struct SvmOptions {
 /// Word counts of training windows.
 struct Windows {
   std::vector<detector::HistogramBlock> blocks;
-  std::vector<std::int32_t> counts;  // rows * total_words(blocks)
+  std::vector<std::int32_t> counts;  // rows * total_entries(blocks)
   std::vector<char> positive;
   std::vector<int> fold;
 

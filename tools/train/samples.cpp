@@ -87,6 +87,7 @@ std::uint64_t hash_scene(const dataset::Scene& scene) {
   for (const auto& polygon : scene.polygons) {
     hash.add(polygon.part);
     hash.add(static_cast<std::uint64_t>(polygon.ignore));
+    hash.add(&polygon.visible_share, sizeof polygon.visible_share);
     hash.add(polygon.points.data(), polygon.points.size() * sizeof(cv::Point2f));
   }
   return hash.value();
@@ -102,6 +103,7 @@ std::vector<ViewPart> parts_in_view(const std::vector<dataset::PartPolygon>& pol
     ViewPart part;
     part.part = static_cast<int>(found - detector::kParts.begin());
     part.ignore = polygon.ignore;
+    part.visible_share = polygon.visible_share;
     for (const auto& point : polygon.points) {
       const auto p = view.to_view({point.x, point.y});
       part.polygon.emplace_back(static_cast<float>(p.x()), static_cast<float>(p.y()));
@@ -152,7 +154,7 @@ DescribedScene describe_scene(const dataset::Scene& scene, const bovw::DescribeO
 }
 
 void write_scene(const std::string& path, std::uint64_t key, const DescribedScene& scene) {
-  BlobWriter blob("described-scene", 1);
+  BlobWriter blob("described-scene", 2);
   blob.add_number("key", static_cast<std::int64_t>(key));
   blob.add("name", scene.name);
   blob.add("simulation", scene.simulation);
@@ -180,19 +182,22 @@ void write_scene(const std::string& path, std::uint64_t key, const DescribedScen
     blob.add(name + "values", std::span<const std::uint8_t>(field.values));
     std::vector<std::int32_t> heads;
     std::vector<float> points;
+    std::vector<double> visible;
     for (const auto& part : scene.views[i].parts) {
       heads.insert(heads.end(), {part.part, part.ignore, static_cast<int>(part.polygon.size())});
       for (const auto& p : part.polygon) points.insert(points.end(), {p.x, p.y});
+      visible.push_back(part.visible_share);
     }
     blob.add(name + "parts", std::span<const std::int32_t>(heads));
     blob.add(name + "polygons", std::span<const float>(points));
+    blob.add(name + "visible", std::span<const double>(visible));
   }
   blob.write(path);
 }
 
 bool read_scene(const std::string& path, std::uint64_t key, DescribedScene& scene) {
   if (!std::filesystem::exists(path)) return false;
-  const auto blob = BlobReader::from_file(path, "described-scene", 1);
+  const auto blob = BlobReader::from_file(path, "described-scene", 2);
   if (static_cast<std::uint64_t>(blob.integer("key", INT64_MIN, INT64_MAX)) != key) return false;
   scene = {};
   scene.name = blob.text("name");
@@ -218,11 +223,13 @@ bool read_scene(const std::string& path, std::uint64_t key, DescribedScene& scen
         name + "values", field.points.size() * static_cast<std::size_t>(field.dimension));
     const auto heads = blob.values<std::int32_t>(name + "parts");
     const auto points = blob.values<float>(name + "polygons");
+    const auto visible = blob.values<double>(name + "visible", heads.size() / 3);
     std::size_t at = 0;
     for (std::size_t h = 0; h + 2 < heads.size(); h += 3) {
       ViewPart part;
       part.part = heads[h];
       part.ignore = heads[h + 1] != 0;
+      part.visible_share = visible[h / 3];
       for (int k = 0; k < heads[h + 2]; ++k, at += 2) {
         if (at + 1 >= points.size()) blob.fail(name + "polygons is too short");
         part.polygon.emplace_back(points[at], points[at + 1]);

@@ -29,6 +29,7 @@ struct AugmentOptions {
 struct ViewPart {
   int part = 0;  // index in detector::kParts
   bool ignore = false;
+  double visible_share = 1.0;
   std::vector<cv::Point2f> polygon;  // view px
   detector::Box box;                 // bounds of the polygon
 };

@@ -263,6 +263,9 @@ void Trainer::make_words() {
       view.grids.push_back(
           bovw::quantise(scene.views[v].described, vocabulary.descriptor(), vocabulary, 1));
       view.parts = std::move(scene.views[v].parts);
+      for (auto& part : view.parts) {
+        part.ignore = part.ignore || part.visible_share < options_.min_visible;
+      }
       view.fold = scenes_[at].fold;
     }
     step_done("words", done, static_cast<int>(scenes_.size()));
@@ -270,7 +273,8 @@ void Trainer::make_words() {
   for (auto& view : views_) {
     for (const auto& grid : view.grids) view.pointers.push_back(&grid);
   }
-  score_model_.blocks = {{vocabulary.descriptor(), vocabulary.hash(), vocabulary.words()}};
+  score_model_.blocks = {
+      {vocabulary.descriptor(), vocabulary.hash(), vocabulary.words(), options_.context}};
 }
 
 void Trainer::make_shapes() {
@@ -319,16 +323,20 @@ bool Trainer::may_be_negative(const View& view, int part, const bovw::CellBox& w
 }
 
 int Trainer::words_in(const View& view, const bovw::CellBox& window) const {
-  const auto counts = detector::window_counts(view.pointers, window);
-  return std::accumulate(counts.begin(), counts.end(), 0);
+  int words = 0;
+  for (const auto& grid : view.grids) {
+    std::vector<std::int32_t> counts(static_cast<std::size_t>(grid.vocabulary_size));
+    words += bovw::count_words(grid, window, counts);
+  }
+  return words;
 }
 
 std::vector<float> Trainer::features(const View& view, const bovw::CellBox& window) const {
-  const auto counts = detector::window_counts(view.pointers, window);
+  const auto counts = detector::count_blocks(score_model_.blocks, view.pointers, window);
   std::vector<float> result;
   std::size_t begin = 0;
   for (const auto& block : score_model_.blocks) {
-    const auto end = begin + static_cast<std::size_t>(block.words);
+    const auto end = begin + static_cast<std::size_t>(block.entries());
     const int total = std::accumulate(counts.begin() + static_cast<std::ptrdiff_t>(begin),
                                       counts.begin() + static_cast<std::ptrdiff_t>(end), 0);
     for (; begin < end; ++begin) {
@@ -392,7 +400,7 @@ Samples Trainer::score_samples(int part, const detector::ScoreModel* first_model
   };
   std::vector<Negative> negatives;
   Samples samples;
-  samples.dimension = detector::total_words(score_model_.blocks);
+  samples.dimension = detector::total_entries(score_model_.blocks);
   for (const auto& view : views_) {
     const auto& grid = view.grid();
     for (const auto& p : view.parts) {
@@ -455,8 +463,9 @@ void Trainer::train_scores() {
         std::size_t begin = 0;
         for (const auto& block : score_model_.blocks) {
           classifier.weights.push_back(detector::quantise_weights(
-              std::span(logistic.weights).subspan(begin, static_cast<std::size_t>(block.words))));
-          begin += static_cast<std::size_t>(block.words);
+              std::span(logistic.weights)
+                  .subspan(begin, static_cast<std::size_t>(block.entries()))));
+          begin += static_cast<std::size_t>(block.entries());
         }
         classifier.bias = logistic.bias;
         classifier.shapes = score_shapes_[static_cast<std::size_t>(part)];
@@ -575,7 +584,8 @@ SvmResult Trainer::refine_part(int part) const {
     Windows windows;
     windows.blocks = score_model_.blocks;
     const auto add = [&](const Item& item, bool positive) {
-      const auto counts = detector::window_counts(item.view->pointers, item.window);
+      const auto counts =
+          detector::count_blocks(score_model_.blocks, item.view->pointers, item.window);
       windows.counts.insert(windows.counts.end(), counts.begin(), counts.end());
       windows.positive.push_back(positive);
       windows.fold.push_back(item.view->fold);
@@ -615,8 +625,8 @@ SvmResult Trainer::refine_part(int part) const {
         for (const auto& window : detector::candidate_windows(
                  view.grid(), candidate.column, candidate.row, shapes, options_.windows)) {
           if (!may_be_negative(view, part, window)) continue;
-          const auto counts = detector::window_counts(view.pointers, window);
-          if (std::accumulate(counts.begin(), counts.end(), 0) < score_model_.min_words) continue;
+          if (words_in(view, window) < score_model_.min_words) continue;
+          const auto counts = detector::count_blocks(score_model_.blocks, view.pointers, window);
           const double decision = refiner.decide(0, counts);
           if (decision > worst.decision) worst = {&view, window, decision};
         }
@@ -680,10 +690,12 @@ void Trainer::train_refinement() {
 
 void Trainer::train_priors() {
   prior_model_.blocks = score_model_.blocks;
+  for (auto& block : prior_model_.blocks)
+    block.context = false;  // the whole image has no surroundings
   int done = 0;
   for (const int part : trained_parts_) {
     Samples samples;
-    samples.dimension = detector::total_words(score_model_.blocks);
+    samples.dimension = detector::total_entries(prior_model_.blocks);
     for (const auto& view : views_) {
       if (view.hides(part)) continue;
       const auto histogram = detector::image_histogram(view.pointers);

@@ -77,6 +77,8 @@ struct TrainOptions {
   int seed = 1;
   double max_negative_overlap = 0.5;
   bool negatives_inside = false;
+  bool context = true;
+  double min_visible = 0.0;
   ScoreTraining score;
   RefineTraining refine;
   PriorTraining prior;
@@ -96,6 +98,11 @@ struct TrainOptions {
     v.field("negatives_inside", negatives_inside,
             "whether a window whose centre lies in the part's polygon, a hit by the paper's "
             "measure, can be a negative for its size");
+    v.field("context", context,
+            "windows also count their points of plain cloth and of table, like two more words: "
+            "collars, cuffs and hems lie where the garment ends");
+    v.field("min_visible", min_visible, {0.0, 1.0}, "",
+            "parts of which less is seen are not trained from, as if marked to be ignored");
     v.group("score", score);
     v.group("refine", refine);
     v.group("prior", prior);

@@ -38,17 +38,19 @@ inline bovw::WordGrid random_words(const std::string& descriptor, int columns, i
 }
 
 inline ScoreModel random_model(const std::vector<const bovw::WordGrid*>& grids, int parts,
-                               const std::vector<WindowShape>& shapes, Random& random) {
+                               const std::vector<WindowShape>& shapes, Random& random,
+                               bool context = false) {
   ScoreModel model;
-  for (const auto* grid : grids)
-    model.blocks.push_back({grid->descriptor, grid->vocabulary_hash, grid->vocabulary_size});
+  for (const auto* grid : grids) {
+    model.blocks.push_back(
+        {grid->descriptor, grid->vocabulary_hash, grid->vocabulary_size, context});
+  }
   for (int p = 0; p < parts; ++p) {
     PartClassifier part;
     part.part = "part " + std::to_string(p);
-    for (const auto* grid : grids) {
+    for (const auto& block : model.blocks) {
       std::vector<double> weights;
-      for (int word = 0; word < grid->vocabulary_size; ++word)
-        weights.push_back(3 * random.normal());
+      for (int entry = 0; entry < block.entries(); ++entry) weights.push_back(3 * random.normal());
       part.weights.push_back(quantise_weights(weights));
     }
     part.bias = random.normal();

@@ -41,7 +41,7 @@ using Blocks = std::vector<HistogramBlock>;
 
 Blocks blocks_of(const std::vector<int>& words) {
   Blocks blocks;
-  for (const int n : words) blocks.push_back({"d" + std::to_string(n), 0, n});
+  for (const int n : words) blocks.push_back({"d" + std::to_string(n), 0, n, false});
   return blocks;
 }
 
@@ -63,7 +63,8 @@ PartSvm random_svm(Random& random, const std::string& part, int words, int vecto
 std::vector<double> l1(const std::vector<int>& counts, const Blocks& blocks) {
   std::vector<double> h;
   std::size_t at = 0;
-  for (const auto& [descriptor, hash, words] : blocks) {
+  for (const auto& each : blocks) {
+    const int words = each.entries();
     double total = 0.0;
     for (int w = 0; w < words; ++w) total += counts[at + static_cast<std::size_t>(w)];
     for (int w = 0; w < words; ++w) {
@@ -90,25 +91,29 @@ std::vector<int> vector_counts(const PartSvm& svm, int i, int words) {
 double brute_decision(const PartSvm& svm, const Blocks& blocks, const std::vector<int>& counts) {
   double sum = -svm.rho;
   for (int i = 0; i < svm.support_vectors(); ++i) {
-    const double d =
-        brute_distance(l1(counts, blocks), l1(vector_counts(svm, i, total_words(blocks)), blocks));
+    const double d = brute_distance(l1(counts, blocks),
+                                    l1(vector_counts(svm, i, total_entries(blocks)), blocks));
     sum += svm.coefficients[static_cast<std::size_t>(i)] * std::exp(-svm.gamma * d);
   }
   return sum;
 }
 
-std::vector<int> brute_counts(const std::vector<const bovw::WordGrid*>& grids,
+std::vector<int> brute_counts(const std::vector<const bovw::WordGrid*>& grids, const Blocks& blocks,
                               const bovw::CellBox& box) {
   std::vector<int> counts;
-  for (const auto* grid : grids) {
-    std::vector<int> block(static_cast<std::size_t>(grid->vocabulary_size), 0);
-    for (int r = 0; r < grid->rows; ++r) {
-      for (int c = 0; c < grid->columns; ++c) {
-        if (c < box.column || c >= box.column + box.columns) continue;
-        if (r < box.row || r >= box.row + box.rows) continue;
-        if (grid->at(c, r) >= 0) ++block[static_cast<std::size_t>(grid->at(c, r))];
+  for (std::size_t b = 0; b < grids.size(); ++b) {
+    const auto* grid = grids[b];
+    const auto words = static_cast<std::size_t>(grid->vocabulary_size);
+    std::vector<int> block(words + 2, 0);
+    for (int r = box.row; r < box.row + box.rows; ++r) {
+      for (int c = box.column; c < box.column + box.columns; ++c) {
+        const bool on_grid = c >= 0 && r >= 0 && c < grid->columns && r < grid->rows;
+        const int word = on_grid ? grid->at(c, r) : bovw::WordGrid::kOutsideMask;
+        ++block[word >= 0 ? static_cast<std::size_t>(word)
+                          : words + (word == bovw::WordGrid::kNoWord ? 0 : 1)];
       }
     }
+    if (!blocks[b].context) block.resize(words);
     counts.insert(counts.end(), block.begin(), block.end());
   }
   return counts;
@@ -238,8 +243,10 @@ TEST_P(RefineFrame, KeepsTheBestWindowOfEachCandidate) {
   const std::vector<const bovw::WordGrid*> grids = {&a, &b};
   RefineModel model;
   model.blocks = blocks_of({16, 9});
-  model.parts = {random_svm(random, "jeans hips", 25, 70),
-                 random_svm(random, "polo collar", 25, 33)};
+  model.blocks[0].context = GetParam() % 2 == 0;
+  const int entries = model.entries();
+  model.parts = {random_svm(random, "jeans hips", entries, 70),
+                 random_svm(random, "polo collar", entries, 33)};
   RefinerOptions options;
   options.max_overlap = 1.0;  // keep repeats: they are tested below
   const Refiner refiner(model, options);
@@ -268,7 +275,7 @@ TEST_P(RefineFrame, KeepsTheBestWindowOfEachCandidate) {
           if (column < 0 || row < 0 || column >= 40 || row >= 30) continue;
           if (a.at(column, row) == bovw::WordGrid::kOutsideMask) continue;
           const bovw::CellBox box{column - columns / 2, row - rows / 2, columns, rows};
-          const auto counts = brute_counts(grids, box);
+          const auto counts = brute_counts(grids, model.blocks, box);
           if (std::all_of(counts.begin(), counts.end(), [](int n) { return n == 0; })) continue;
           const double f = brute_decision(svm, model.blocks, counts);
           if (f <= best) continue;
@@ -365,7 +372,7 @@ TEST(RefineModel, WritesAndReadsTheSame) {
   model.write(path);
   const auto read = RefineModel::read(path);
   EXPECT_NE(read.hash, 0u);
-  EXPECT_EQ(read.words(), 25);
+  EXPECT_EQ(read.entries(), 25);
   ASSERT_EQ(read.parts.size(), 2u);
   for (std::size_t i = 0; i < 2; ++i) {
     EXPECT_EQ(read.parts[i].part, model.parts[i].part);

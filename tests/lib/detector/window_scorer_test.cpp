@@ -45,16 +45,24 @@ void expect_brute_force(const ScoreModel& model, const std::vector<const bovw::W
     for (int c = 0; c < windows.positions.columns; ++c, ++i) {
       std::vector<std::vector<std::int32_t>> counts;
       int total = 0;
-      for (const auto* each : grids) {
-        counts.emplace_back(static_cast<std::size_t>(each->vocabulary_size), 0);
+      for (std::size_t b = 0; b < grids.size(); ++b) {
+        const auto* each = grids[b];
+        const auto words = static_cast<std::size_t>(each->vocabulary_size);
+        const bool context = model.blocks[b].context;
+        counts.emplace_back(words + (context ? 2 : 0), 0);
         for (int y = 0; y < windows.window_rows; ++y) {
           for (int x = 0; x < windows.window_columns; ++x) {
             const int column = windows.positions.column + c + x,
                       row = windows.positions.row + r + y;
-            if (column < 0 || row < 0 || column >= each->columns || row >= each->rows) continue;
-            if (each->at(column, row) < 0) continue;
-            ++counts.back()[static_cast<std::size_t>(each->at(column, row))];
-            ++total;
+            const bool on_grid =
+                column >= 0 && row >= 0 && column < each->columns && row < each->rows;
+            const int word = on_grid ? each->at(column, row) : bovw::WordGrid::kOutsideMask;
+            if (word >= 0) {
+              ++counts.back()[static_cast<std::size_t>(word)];
+              ++total;
+            } else if (context) {
+              ++counts.back()[words + (word == bovw::WordGrid::kNoWord ? 0 : 1)];
+            }
           }
         }
       }
@@ -86,7 +94,7 @@ TEST(WindowScorer, EqualsBruteForceBitForBit) {
       for (const bool two : {false, true}) {
         std::vector<const bovw::WordGrid*> grids = {&sift};
         if (two) grids.push_back(&fpfh);
-        auto model = random_model(grids, 1, shapes, random);
+        auto model = random_model(grids, 1, shapes, random, run % 2 == 0);
         model.norm = norm;
         model.min_words = static_cast<int>(random.integer(1, 8));
         for (const auto& shape : shapes) expect_brute_force(model, grids, 0, shape);
