@@ -9,6 +9,7 @@
 #include <thread>
 
 #include "base/error.hpp"
+#include "stage/telemetry.hpp"
 #include "tools/weft/children.hpp"
 #include "tools/weft/commands.hpp"
 #include "tools/weft/message.hpp"
@@ -37,7 +38,7 @@ struct Heard {
 };
 void listen(Bus& bus, milliseconds time, std::map<std::string, Heard>& heard) {
   const auto message = bus.receive(time);
-  if (!message || message->channel != "STAGE_STATUS") return;
+  if (!message) return;
   const auto status = decode_message<weft::stage_status_t>(message->data);
   if (!status) return;
   auto [at, is_new] = heard.emplace(status->stage, Heard{*status, *status});
@@ -75,7 +76,8 @@ int up(const UpOptions& options) {
     throw Error("set " + set.name +
                 " is running already; weft status shows it, weft down stops it");
   const auto url = url_of(set);
-  const auto bus = make_lcm_bus(url);  // before the processes, so that no report is missed
+  const auto bus = make_lcm_bus(
+      url, stage::kStatusChannel);  // before the processes, so that no report is missed
   folder.write(set, url.to_string(), set.lock_step);
   folder.start_supervisor();
   std::map<std::string, Heard> heard;
@@ -123,10 +125,11 @@ int down(const std::string& set) {
 int status(const StatusOptions& options) {
   const auto folder = RunFolder::find(options.set);
   const auto processes = folder.processes();
+  auto states = folder.states();
   std::map<std::string, Heard> heard;
   std::string not_heard;
   try {
-    const auto bus = make_lcm_bus(stage::LcmUrl::parse(folder.url()));
+    const auto bus = make_lcm_bus(stage::LcmUrl::parse(folder.url()), stage::kStatusChannel);
     const auto end = Clock::now() + milliseconds(static_cast<int>(options.listen_s * 1000));
     while (Clock::now() < end) listen(*bus, milliseconds(50), heard);
   } catch (const Error& e) {
@@ -142,14 +145,14 @@ int status(const StatusOptions& options) {
   for (const auto& process : processes) {
     auto& entry = json["processes"][process.name];
     entry["pid"] = process.pid;
-    entry["supervised"] = process.state;
+    entry["supervised"] = states[process.name];
     entry["starts"] = process.starts;
     const auto at = heard.find(process.name);
     if (at == heard.end() || process.pid == 0) {
       all_well = false;
       entry["state"] = "silent";
-      fmt::print("{:<20} {:>7} {:<9} {:>6}\n", process.name, process.pid,
-                 process.pid == 0 ? "stopped" : "silent", process.starts);
+      fmt::print("{:<20} {:>7} {:<9} {:>6}  supervisor says {}\n", process.name, process.pid,
+                 process.pid == 0 ? "stopped" : "silent", process.starts, states[process.name]);
       continue;
     }
     const auto& [first, last] = at->second;

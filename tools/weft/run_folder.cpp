@@ -219,23 +219,26 @@ std::string RunFolder::control(const std::vector<std::string>& args) const {
 std::vector<RunFolder::Process> RunFolder::processes() const {
   std::vector<Process> processes;
   for (const auto& name : names()) {
-    Process process{name, 0, "STOPPED", 0};
+    Process process{name, 0, 0};
     std::ifstream starts(folder_ / (name + ".starts"));
     for (pid_t pid = 0; starts >> pid; process.pid = pid) ++process.starts;
     if (!alive(process.pid)) process.pid = 0;
     processes.push_back(process);
   }
-  if (!running()) return processes;
+  return processes;
+}
+
+std::map<std::string, std::string> RunFolder::states() const {
+  std::map<std::string, std::string> states;
+  if (!running()) return states;
   std::istringstream lines(control({"status"}));
   for (std::string line; std::getline(lines, line);) {
     std::istringstream words(line);
     std::string name, state;
     words >> name >> state;
-    for (auto& process : processes) {
-      if (process.name == name) process.state = state;
-    }
+    states[name] = state;
   }
-  return processes;
+  return states;
 }
 
 void RunFolder::stop() const {

@@ -3,6 +3,7 @@
 #include <sys/types.h>
 
 #include <filesystem>
+#include <map>
 #include <string>
 #include <vector>
 
@@ -30,11 +31,12 @@ class RunFolder {
 
   struct Process {
     std::string name;
-    pid_t pid = 0;      // 0: not running
-    std::string state;  // as supervisord calls it
+    pid_t pid = 0;  // 0: not running
     int starts = 0;
   };
   std::vector<Process> processes() const;
+  /// By process, as supervisord calls it: RUNNING, STOPPED, FATAL ... Asks it, which takes a while.
+  std::map<std::string, std::string> states() const;
   /// supervisorctl with these arguments; throws Error with its output when it fails.
   std::string control(const std::vector<std::string>& args) const;
 

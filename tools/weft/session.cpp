@@ -17,8 +17,8 @@ std::atomic<bool> stop_signal{false};
 
 class LcmBus : public Bus {
  public:
-  explicit LcmBus(const stage::LcmUrl& url) : lcm_(stage::connect(url)) {
-    auto* subscription = lcm_->subscribe(".*", &LcmBus::on_message, this);
+  LcmBus(const stage::LcmUrl& url, const std::string& channels) : lcm_(stage::connect(url)) {
+    auto* subscription = lcm_->subscribeFunction(channels, &LcmBus::on_message, this);
     if (!subscription) throw Error("LCM cannot subscribe");
     subscription->setQueueCapacity(0);
   }
@@ -39,9 +39,11 @@ class LcmBus : public Bus {
   }
 
  private:
-  void on_message(const lcm::ReceiveBuffer* buffer, const std::string& channel) {
+  // No member function: the undefined behaviour sanitizer of g++ 12 mistakes LCM's call of one.
+  static void on_message(const lcm::ReceiveBuffer* buffer, const std::string& channel,
+                         LcmBus* self) {
     const auto* data = static_cast<const std::uint8_t*>(buffer->data);
-    arrived_.push_back({channel, {data, data + buffer->data_size}});
+    self->arrived_.push_back({channel, {data, data + buffer->data_size}});
   }
   std::unique_ptr<lcm::LCM> lcm_;
   std::deque<BusMessage> arrived_;
@@ -122,8 +124,8 @@ Transport choose_transport(std::string& why) {
   return Transport::kInProcess;
 }
 
-std::unique_ptr<Bus> make_lcm_bus(const stage::LcmUrl& url) {
-  return std::make_unique<LcmBus>(url);
+std::unique_ptr<Bus> make_lcm_bus(const stage::LcmUrl& url, const std::string& channels) {
+  return std::make_unique<LcmBus>(url, channels);
 }
 
 std::unique_ptr<Bus> make_in_process_bus(const ProcessSet& set, const StageRegistry& registry) {

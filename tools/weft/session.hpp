@@ -37,8 +37,8 @@ struct Interrupted {};
 /// Stages by the name of their program, for sets that run in one process.
 using StageRegistry = std::map<std::string, stage::StageFactory>;
 
-/// A bus over LCM.
-std::unique_ptr<Bus> make_lcm_bus(const stage::LcmUrl& url);
+/// A bus over LCM that receives the channels of this regular expression.
+std::unique_ptr<Bus> make_lcm_bus(const stage::LcmUrl& url, const std::string& channels = ".*");
 /// All stages of a set in this thread.
 std::unique_ptr<Bus> make_in_process_bus(const ProcessSet& set, const StageRegistry& registry);
 
