@@ -152,6 +152,7 @@ int demo_command(const DemoCommand& command, const StageRegistry& registry) {
   std::size_t detections = 0;
   std::map<std::string, std::size_t> by_part;
   std::string lines;
+  std::vector<std::pair<PlayedFrame, FrameContent>> shown;  // drawn when the clock has stopped
   const auto result =
       replay(set, transport, registry, options,
              [&](const PlayedFrame& frame, const FrameContent& content) {
@@ -174,7 +175,7 @@ int demo_command(const DemoCommand& command, const StageRegistry& registry) {
                  if (count > 1) found += fmt::format(" (and {} more)", count - 1);
                }
                if (frame.source.pass > 0) return;  // the same pictures again
-               page.add(frame, content, truth.of(content));
+               shown.emplace_back(frame, content);
                if (found.empty())
                  found = content.problems.empty() ? "nothing" : content.problems.front();
                lines += fmt::format("  {:>4}  {:<28} {}\n", frame.source.name.seq,
@@ -187,6 +188,7 @@ int demo_command(const DemoCommand& command, const StageRegistry& registry) {
   fmt::print("{} frames, {} answered on every channel, {} failed, {} detections, {} sent again\n",
              result.frames, result.answered, result.failed, detections, result.resends);
   print_problems(result);
+  for (const auto& [frame, content] : shown) page.add(frame, content, truth.of(content));
   const bool all = result.answered == result.frames;
   page.write(fmt::format("{} on {}", set.name, fs::path(options.log).filename().string()),
              {{"frames", frames, ""},

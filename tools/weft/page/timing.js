@@ -43,7 +43,7 @@ function timeline(element, timing) {
       svg += `<g><title>${text(timing.stages[stage].name)}, frame ${frame}: waited ${(started - received).toFixed(2)} ms, worked ${(finished - started).toFixed(2)} ms</title>` +
         bar(received, started, 8, 0.3) + bar(started, finished, 18, 1) + '</g>';
     }
-    svg += `<rect width="${left - 4}" height="${height}" fill="var(--panel)"/>`;
+    svg += `<rect width="${left - 4}" height="${height - bottom}" fill="var(--panel)"/>`;
     timing.stages.forEach((s, i) => { svg += `<text x="0" y="${i * rowHeight + 17}">${text(s.name)}</text>`; });
     element.innerHTML = `<svg class="timeline" viewBox="0 0 ${width} ${height}" width="100%">${svg}</svg>`;
   };
