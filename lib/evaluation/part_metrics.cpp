@@ -176,9 +176,10 @@ AveragePrecision average_precision(const std::vector<bool>& hits, int positives)
       return std::lround(r * positives) * 10 >= static_cast<long>(step) * positives;
     });
     if (reached != recall.end()) {
-      result.eleven_points += precision[static_cast<std::size_t>(reached - recall.begin())] / 11.0;
+      result.eleven_points += precision[static_cast<std::size_t>(reached - recall.begin())];
     }
   }
+  result.eleven_points /= 11.0;
   return result;
 }
 
