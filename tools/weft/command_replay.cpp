@@ -6,6 +6,7 @@
 #include <nlohmann/json.hpp>
 
 #include "base/error.hpp"
+#include "base/project.hpp"
 #include "dataset/scene.hpp"
 #include "tools/weft/commands.hpp"
 #include "tools/weft/demo_page.hpp"
@@ -68,16 +69,6 @@ class Truth {
 };
 
 }  // namespace
-
-std::string find_in_project(const std::string& file) {
-  for (const auto& start : {fs::current_path(), program_folder()}) {
-    for (auto folder = start; !folder.empty(); folder = folder.parent_path()) {
-      if (fs::exists(folder / file)) return (folder / file).string();
-      if (folder == folder.root_path()) break;
-    }
-  }
-  throw Error(file + " is not there; run weft in the project's folder, or name the file");
-}
 
 int replay_command(const ReplayCommand& command, const StageRegistry& registry) {
   catch_stop_signals();

@@ -55,10 +55,6 @@ int timing_command(const std::string& log, const std::string& json, const std::s
 int log_info_command(const std::string& log, const std::string& json);
 int log_hash_command(const std::string& log);
 
-/// A file of the project, looked for from the working folder and from the program's folder upwards.
-/// Throws Error when it is nowhere.
-std::string find_in_project(const std::string& file);
-
 /// Stages this program was built with.
 const StageRegistry& built_in_stages();
 

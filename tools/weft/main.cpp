@@ -9,6 +9,7 @@
 #include <map>
 
 #include "base/error.hpp"
+#include "base/project.hpp"
 #include "stage/telemetry.hpp"
 #include "tools/weft/commands.hpp"
 
@@ -28,7 +29,7 @@ const std::map<std::string, std::string> kPrograms = {
 /// weft bench NAME is the program weft-bench-NAME, weft train the program weft-train.
 int run_program(const std::string& name, std::vector<std::string> args) {
   std::string program = "weft-" + name;
-  if (name == "bench" || name == "synth") {
+  if (name == "bench") {
     if (args.empty() || args.front().starts_with("-")) {
       fmt::print("usage: weft {} NAME [options]; built here:", name);
       for (const auto& entry : std::filesystem::directory_iterator(program_folder())) {
@@ -43,7 +44,8 @@ int run_program(const std::string& name, std::vector<std::string> args) {
   }
   const auto path = program_folder() / program;
   if (access(path.c_str(), X_OK) != 0)
-    throw Error(path.string() + " is not built; build the target " + program);
+    throw Error(path.string() + " is not built; build the target " + program +
+                (name == "synth" ? " (it needs Embree 3; Debian: libembree-dev)" : ""));
   std::string path_text = path.string();
   std::vector<char*> argv{path_text.data()};
   for (auto& arg : args) argv.push_back(arg.data());

@@ -9,6 +9,7 @@
 #include <sstream>
 
 #include "base/error.hpp"
+#include "base/project.hpp"
 
 namespace weft {
 namespace {
@@ -222,8 +223,6 @@ ProcessSpec& ProcessSet::find(const std::string& process) {
   }
   throw Error("set " + name + " has no process '" + process + "'; it has: " + known);
 }
-
-fs::path program_folder() { return fs::read_symlink("/proc/self/exe").parent_path(); }
 
 fs::path find_program(const ProcessSet& set, const ProcessSpec& process) {
   const bool is_path = process.exec.find('/') != std::string::npos;

@@ -47,9 +47,6 @@ struct ProcessSet {
 /// has a '/'. Throws Error saying where it was looked for.
 std::filesystem::path find_program(const ProcessSet& set, const ProcessSpec& process);
 
-/// Folder of the running program.
-std::filesystem::path program_folder();
-
 /// The command line that starts one process of the set.
 std::vector<std::string> command_line(const ProcessSet& set, const ProcessSpec& process,
                                       const std::string& url, bool lock_step);
