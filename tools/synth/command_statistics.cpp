@@ -2,13 +2,13 @@
 #include <algorithm>
 #include <cstdio>
 #include <functional>
+#include <memory>
 
-#include "base/error.hpp"
+#include "synth/commands.hpp"
 #include "synth/statistics.hpp"
 
+namespace weft::synth {
 namespace {
-
-using weft::synth::ScanStatistics;
 
 struct Row {
   const char* name;
@@ -46,38 +46,23 @@ const std::vector<Row>& rows() {
   return table;
 }
 
-}  // namespace
-
-int main(int argc, char** argv) {
-  CLI::App app(
-      "Compare the statistics of data sets, synthetic and real: per scene, then the 10 %, 50 % and "
-      "90 % quantiles over the scenes");
-  std::vector<std::string> folders;
-  std::size_t limit = 100;
-  app.add_option("folders", folders, "data sets")->required();
-  app.add_option("--limit", limit, "scenes read of each, evenly chosen");
-  CLI11_PARSE(app, argc, argv);
+int print_statistics(const std::vector<std::string>& folders, std::size_t limit) {
   std::vector<std::vector<ScanStatistics>> all;
   for (const auto& folder : folders) {
     std::vector<ScanStatistics> scenes;
-    std::map<std::string, weft::synth::PartCount> parts;
-    try {
-      const auto dataset = weft::dataset::open_dataset(folder);
-      const std::size_t total = dataset->names().size(), count = std::min(limit, total);
-      for (std::size_t k = 0; k < count; ++k) {
-        const auto scene = dataset->read(k * total / count);
-        scenes.push_back(weft::synth::scan_statistics(scene));
-        weft::synth::count_parts(scene, parts);
-      }
-    } catch (const weft::Error& error) {
-      std::fprintf(stderr, "weft-synth-statistics: %s\n", error.what());
-      return 2;
+    std::map<std::string, PartCount> parts;
+    const auto dataset = dataset::open_dataset(folder);
+    const std::size_t total = dataset->names().size(), count = std::min(limit, total);
+    for (std::size_t k = 0; k < count; ++k) {
+      const auto scene = dataset->read(k * total / count);
+      scenes.push_back(scan_statistics(scene));
+      count_parts(scene, parts);
     }
     std::printf("%s: %zu scenes\n", folder.c_str(), scenes.size());
-    for (const auto& [part, count] : parts) {
+    for (const auto& [part, counted] : parts) {
       std::printf("  %-20s %4d usable, %4d ignored, box centre on the part in %.3f\n", part.c_str(),
-                  count.usable, count.ignored,
-                  count.usable > 0 ? static_cast<double>(count.centred) / count.usable : 0.0);
+                  counted.usable, counted.ignored,
+                  counted.usable > 0 ? static_cast<double>(counted.centred) / counted.usable : 0.0);
     }
     all.push_back(std::move(scenes));
   }
@@ -99,3 +84,25 @@ int main(int argc, char** argv) {
   }
   return 0;
 }
+
+}  // namespace
+
+void add_statistics_command(CLI::App& app, Chosen& chosen) {
+  struct Command {
+    std::vector<std::string> folders;
+    std::size_t limit = 100;
+  };
+  const auto command = std::make_shared<Command>();
+  auto* sub = app.add_subcommand(
+      "statistics",
+      "compare data sets, synthetic and real: per scene, then the 10 %, 50 % and 90 % quantiles "
+      "over the scenes");
+  sub->add_option("folders", command->folders, "data sets")->required();
+  sub->add_option("--limit", command->limit, "scenes read of each, evenly chosen")
+      ->capture_default_str();
+  sub->callback([&chosen, command] {
+    chosen = [command] { return print_statistics(command->folders, command->limit); };
+  });
+}
+
+}  // namespace weft::synth

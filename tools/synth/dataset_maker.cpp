@@ -1,15 +1,20 @@
 #include "synth/dataset_maker.hpp"
 
+#include <fcntl.h>
+#include <sys/file.h>
+#include <unistd.h>
+
 #include <algorithm>
 #include <atomic>
 #include <chrono>
+#include <condition_variable>
+#include <deque>
+#include <exception>
 #include <filesystem>
-#include <fstream>
+#include <map>
 #include <mutex>
 #include <nlohmann/json.hpp>
-#include <opencv2/imgcodecs.hpp>
-#include <opencv2/imgproc.hpp>
-#include <optional>
+#include <opencv2/core.hpp>
 #include <thread>
 
 #include "base/error.hpp"
@@ -17,19 +22,23 @@
 #include "dataset/iri.hpp"
 #include "synth/annotate.hpp"
 #include "synth/sensor.hpp"
+#include "synth/set_summary.hpp"
+#include "synth/text_file.hpp"
 
 namespace weft::synth {
 namespace fs = std::filesystem;
 namespace {
 
-constexpr int kVersion = 5;  // of the recipe: same version and options, same bytes
+constexpr int kVersion = 6;  // same version, settings and Blender: same bytes
+constexpr int kMinVisible_px = 2500;
+constexpr int kViewAttempts = 5;
 
 struct Source {
   std::string path, name, garment, split, hash;
   bool held_out = false;
 };
 
-std::uint64_t draw_seed(const SynthOptions& options, const std::string& name, int purpose) {
+std::uint64_t draw_seed(const MakeOptions& options, const std::string& name, int purpose) {
   Hash64 hash;
   hash.add(static_cast<std::uint64_t>(options.seed));
   hash.add(name);
@@ -41,62 +50,17 @@ std::string scene_name(const Source& source, int view) {
   return source.garment + "-" + source.name + "-v" + std::to_string(view);
 }
 
-void write_text(const fs::path& path, const std::string& text) {
-  const std::string temporary = path.string() + ".tmp";
-  std::ofstream out(temporary, std::ios::binary);
-  out << text;
-  out.close();
-  if (!out) throw Error(temporary + ": cannot be written; check the folder and the free space");
-  fs::rename(temporary, path);
-}
-
-std::string read_text(const fs::path& path) {
-  std::ifstream in(path, std::ios::binary);
-  return {std::istreambuf_iterator<char>(in), std::istreambuf_iterator<char>()};
-}
-
-std::vector<Source> list_sources(const std::string& folder, const SynthOptions& options,
-                                 std::vector<std::string>& errors) {
-  if (!fs::is_directory(folder)) throw Error(folder + ": not a folder of .wsim files");
-  std::vector<std::string> paths;
-  for (const auto& entry : fs::recursive_directory_iterator(folder)) {
-    if (entry.path().extension() == ".wsim") paths.push_back(entry.path().string());
+Source read_source(const std::string& path, const MakeOptions& options) {
+  const Simulation s = read_simulation(path);
+  Hash64 hash;
+  hash.add(read_text(path));
+  Source source{path, s.name, s.garment, "train", to_hex(hash.value()), s.held_out};
+  if (s.held_out) {
+    source.split = "test-held-out";
+  } else if (Random(draw_seed(options, s.name, -1)).uniform() < options.render.test_share) {
+    source.split = "test-seen";
   }
-  std::sort(paths.begin(), paths.end());
-  std::vector<Source> sources;
-  for (const auto& path : paths) {
-    try {
-      const Simulation s = read_simulation(path);
-      Hash64 hash;
-      hash.add(read_text(path));
-      Source source{path, s.name, s.garment, "train", to_hex(hash.value()), s.held_out};
-      if (s.held_out) {
-        source.split = "test-held-out";
-      } else if (Random(draw_seed(options, s.name, -1)).uniform() < options.test_share) {
-        source.split = "test-seen";
-      }
-      sources.push_back(std::move(source));
-    } catch (const Error& error) {
-      errors.push_back(error.what());
-    }
-  }
-  if (sources.empty()) {
-    throw Error(folder + ": no .wsim file that can be read" +
-                (errors.empty() ? "" : " (" + errors.front() + ")"));
-  }
-  return sources;
-}
-
-/// The second garment of a view, from the same split and earlier in the list, so that simulations
-/// added later change nothing.
-const Source* partner(const std::vector<Source>& sources, std::size_t index, Random& random) {
-  std::vector<const Source*> candidates;
-  for (std::size_t i = 0; i < index; ++i) {
-    if (sources[i].split == sources[index].split && sources[i].garment != sources[index].garment) {
-      candidates.push_back(&sources[i]);
-    }
-  }
-  return candidates.empty() ? nullptr : candidates[random.below(candidates.size())];
+  return source;
 }
 
 bool is_finished(const fs::path& out, const std::string& name, const Source& source) {
@@ -108,7 +72,7 @@ bool is_finished(const fs::path& out, const std::string& name, const Source& sou
 
 nlohmann::json manifest_entry(const Source& source, const Simulation& s, const ViewRecipe& recipe,
                               const Annotation& annotation, const dataset::Scene& scene,
-                              const Source* second) {
+                              const Source* second, const std::vector<std::string>& rejected) {
   using nlohmann::json;
   const auto round3 = [](double v) { return static_cast<double>(cvRound(v * 1000.0)) / 1000.0; };
   json parts = json::array();
@@ -145,6 +109,7 @@ nlohmann::json manifest_entry(const Source& source, const Simulation& s, const V
           {"mirrored", recipe.mirrored},
           {"camera", {c.fx, c.fy, c.cx, c.cy}},
           {"height_m", round3(static_cast<double>(recipe.pose.origin.z()))},
+          {"rejected_views", rejected},
           {"parts", parts}};
 }
 
@@ -159,58 +124,51 @@ bool is_easy(const Simulation& s, const Annotation& annotation) {
   return any;
 }
 
-void render_scene(const Source& source, const Garment& garment, const Source* second,
-                  const Garment* second_garment, Random& random, int view,
-                  const SynthOptions& options, const std::string& out) {
-  std::vector<const Garment*> garments = {&garment};
-  std::vector<const Simulation*> simulations = {&garment.simulation};
-  if (second_garment != nullptr) {
-    garments.push_back(second_garment);
-    simulations.push_back(&second_garment->simulation);
+/// The folder's lock, for as long as the object lives; it leaves no file behind.
+class FolderLock {
+ public:
+  explicit FolderLock(const std::string& folder)
+      : file_(open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC)) {
+    if (file_ >= 0 && flock(file_, LOCK_EX | LOCK_NB) == 0) return;
+    if (file_ >= 0) close(file_);
+    throw Error(folder + ": another program is writing this data set; wait for it, or stop it");
   }
-  const ViewRecipe recipe = draw_view(random, simulations, source.held_out);
-  const ViewScene view_scene(garments, recipe);
-  const IdealImages images = view_scene.render(options.samples);
-  const Annotation annotation = annotate(view_scene, images, recipe, garment.simulation, 0);
+  ~FolderLock() { close(file_); }
+  FolderLock(const FolderLock&) = delete;
+  FolderLock& operator=(const FolderLock&) = delete;
 
-  dataset::Scene scene;
-  scene.name = scene_name(source, view);
-  scene.frame.camera = recipe.camera;
-  if (recipe.mirrored) scene.frame.camera.cx = recipe.camera.width - 1 - recipe.camera.cx;
-  scene.frame.colour = sense_colour(images.radiance, recipe.colour, recipe.sensor_seed);
-  scene.frame.depth = sense_depth(images, recipe.depth, recipe.fabrics, recipe.sensor_seed);
-  scene.frame.mask = images.object == 1;
-  scene.polygons = annotation.polygons;
-  scene.garment = garment.simulation.garment;
-  scene.simulation = source.name;
-  scene.split = source.split;
-  scene.single = second == nullptr;
-  scene.easy = scene.single && is_easy(garment.simulation, annotation);
-  const auto entry =
-      manifest_entry(source, garment.simulation, recipe, annotation, scene, second).dump();
-  // The annotation says that a scene is finished: none while its files are of two kinds.
-  fs::remove(fs::path(out) / "annotations" / (scene.name + ".txt"));
-  write_text(fs::path(out) / "meta" / (scene.name + ".json"), entry + "\n");
-  dataset::write_iri(out, scene, annotation.labels);
+ private:
+  int file_;
+};
+
+std::string describe(const MakeOptions& options) {
+  const nlohmann::json json = {
+      {"format", "weft-synth"}, {"version", kVersion}, {"settings", options.settings}};
+  return json.dump(1) + "\n";
 }
 
-void check_folder(const std::string& out, SynthOptions options) {
-  options.views = 1;  // more views add scenes and change none
-  fs::create_directories(fs::path(out) / "meta");
-  const nlohmann::json own = {{"format", "weft-synth"},
-                              {"version", kVersion},
-                              {"options", to_hex(options_hash(options))},
-                              {"settings", options_to_yaml(options)}};
+void check_folder(const std::string& out, const MakeOptions& options) {
   const fs::path file = fs::path(out) / "dataset.json";
   if (fs::exists(file)) {
-    if (read_text(file) != own.dump(1) + "\n") {
+    if (read_text(file) != describe(options)) {
       throw Error(file.string() +
-                  ": this data set was made with other options or another version; choose another "
-                  "folder or the same options");
+                  ": this data set was made with other settings or another version; choose another "
+                  "folder or the same settings");
     }
-    return;
+  } else {
+    write_text(file, describe(options));
   }
-  write_text(file, own.dump(1) + "\n");
+  fs::create_directories(fs::path(out) / "meta");
+  int there = 0;
+  if (fs::is_directory(fs::path(out) / "annotations")) {
+    for (const auto& entry : fs::directory_iterator(fs::path(out) / "annotations"))
+      there += entry.path().extension() == ".txt" ? 1 : 0;
+  }
+  if (options.scenes > 0 && there > options.scenes) {
+    throw Error(out + ": holds " + std::to_string(there) + " scenes, more than the " +
+                std::to_string(options.scenes) +
+                " asked for; ask for at least as many or choose another folder");
+  }
 }
 
 void write_manifest(const std::string& out) {
@@ -228,87 +186,239 @@ void write_manifest(const std::string& out) {
   write_text(fs::path(out) / "manifest.jsonl", text);
 }
 
-}  // namespace
+/// One run: threads that take what is to be done next, a simulation or the views of one.
+class Run {
+ public:
+  Run(SimulationSource& simulations, const std::string& out, const MakeOptions& options,
+      const std::function<void(const SynthProgress&)>& report, const std::function<bool()>& stopped)
+      : simulations_(simulations),
+        out_(out),
+        options_(options),
+        report_(report),
+        stopped_([this, &stopped] { return stopped() || failed_; }) {
+    progress_.simulations_total = simulations.wanted();
+    const int all = progress_.simulations_total * options.render.views;
+    progress_.total = options.scenes > 0 ? options.scenes : all;
+  }
 
-SynthProgress make_dataset(const std::string& simulations, const std::string& out,
-                           const SynthOptions& options, int jobs,
-                           const std::function<void(const SynthProgress&)>& report) {
-  options.validate();
-  std::vector<std::string> errors;
-  const auto sources = list_sources(simulations, options, errors);
-  check_folder(out, options);
-  SynthProgress progress;
-  progress.total = static_cast<int>(sources.size()) * options.views;
-  const auto start = std::chrono::steady_clock::now();
-  std::mutex mutex;
-  const auto tell = [&](int SynthProgress::*counter, const std::string& what) {
-    const std::lock_guard lock(mutex);
-    ++(progress.*counter);
-    progress.seconds =
-        std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
-    progress.last = what;
-    report(progress);
-  };
-  for (const auto& error : errors) tell(&SynthProgress::failed, error);
+  SynthProgress run() {
+    std::vector<std::thread> threads;
+    for (int i = 0; i < options_.jobs; ++i) threads.emplace_back([this] { work(); });
+    for (auto& thread : threads) thread.join();
+    if (error_) std::rethrow_exception(error_);
+    progress_.stopped = stopped_();
+    return progress_;
+  }
 
-  std::atomic<std::size_t> next{0};
-  const auto work = [&] {
-    for (std::size_t i = next++; i < sources.size(); i = next++) {
-      const Source& source = sources[i];
-      std::optional<Garment> garment;
-      for (int view = 0; view < options.views; ++view) {
-        const std::string name = scene_name(source, view);
-        if (is_finished(out, name, source)) {
-          tell(&SynthProgress::skipped, name);
-          continue;
-        }
-        try {
-          if (!garment) garment = prepare_garment(read_simulation(source.path));
-          Random random(draw_seed(options, source.name, view));
-          const Source* second =
-              random.uniform() < options.double_share ? partner(sources, i, random) : nullptr;
-          std::optional<Garment> second_garment;
-          if (second != nullptr) second_garment = prepare_garment(read_simulation(second->path));
-          render_scene(source, *garment, second, second_garment ? &*second_garment : nullptr,
-                       random, view, options, out);
-          tell(&SynthProgress::done, name);
-        } catch (const std::exception& error) {
-          tell(&SynthProgress::failed, name + ": " + error.what());
+ private:
+  using Clock = std::chrono::steady_clock;
+
+  void work() {
+    try {
+      std::unique_lock lock(mutex_);
+      while (!stopped_()) {
+        if (next_render_ < sources_.size()) {
+          const std::size_t index = next_render_++;
+          lock.unlock();
+          render(index);
+          lock.lock();
+        } else if (progress_.simulations + running_ < progress_.simulations_total) {
+          simulate(lock);
+        } else if (running_ == 0) {
+          return;
+        } else {
+          resolved_.wait_for(lock, std::chrono::milliseconds(200));
         }
       }
+    } catch (...) {
+      const std::lock_guard lock(mutex_);
+      if (!error_) error_ = std::current_exception();
+      failed_ = true;
     }
-  };
-  std::vector<std::thread> threads;
-  for (int i = 1; i < jobs; ++i) threads.emplace_back(work);
-  work();
-  for (auto& thread : threads) thread.join();
-  write_manifest(out);
-  return progress;
-}
-
-void write_contact_sheet(const std::string& folder, const std::string& png, int count) {
-  const auto dataset = dataset::open_iri(folder);
-  const int total = static_cast<int>(dataset->names().size());
-  count = std::min(count, total);
-  constexpr int kColumns = 6, kWidth = 320, kHeight = 240;
-  const int rows = (count + kColumns - 1) / kColumns;
-  cv::Mat sheet(rows * kHeight, kColumns * kWidth, CV_8UC3, cv::Scalar::all(255));
-  for (int k = 0; k < count; ++k) {
-    const auto scene = dataset->read(static_cast<std::size_t>(k) * static_cast<std::size_t>(total) /
-                                     static_cast<std::size_t>(count));
-    cv::Mat picture = scene.frame.colour.clone();
-    for (const auto& p : scene.polygons) {
-      std::vector<cv::Point> points;
-      for (const auto& q : p.points) points.emplace_back(cvRound(q.x), cvRound(q.y));
-      cv::polylines(picture, points, true,
-                    p.ignore ? cv::Scalar(128, 128, 128) : cv::Scalar(0, 255, 0), 2);
-    }
-    cv::putText(picture, scene.name, {6, 18}, cv::FONT_HERSHEY_SIMPLEX, 0.5, {0, 0, 255}, 1);
-    cv::Mat small;
-    cv::resize(picture, small, {kWidth, kHeight}, 0, 0, cv::INTER_AREA);
-    small.copyTo(sheet(cv::Rect(k % kColumns * kWidth, k / kColumns * kHeight, kWidth, kHeight)));
+    resolved_.notify_all();
   }
-  if (!cv::imwrite(png, sheet)) throw Error(png + ": cannot be written");
+
+  void simulate(std::unique_lock<std::mutex>& lock) {
+    const int index = next_simulation_++;
+    // Rejected poses are a few percent; where nearly all are, there is no end to it.
+    if (index > 3 * progress_.simulations_total + 20)
+      throw Error("nearly every garment had to be given up; see the .rejects.jsonl files");
+    ++running_;
+    lock.unlock();
+    const auto start = Clock::now();
+    const auto path = simulations_.get(index, stopped_);
+    std::optional<Source> source;
+    if (path) source = read_source(*path, options_);
+    const double seconds = std::chrono::duration<double>(Clock::now() - start).count();
+    lock.lock();
+    --running_;
+    if (stopped_()) return;
+    // What was there already says nothing about the time that others take.
+    if (seconds > 0.5) simulating_.add(seconds);
+    ++(source ? progress_.simulations : progress_.given_up);
+    outcomes_.emplace(index, std::move(source));
+    for (auto next = outcomes_.find(next_outcome_); next != outcomes_.end();
+         next = outcomes_.find(++next_outcome_)) {
+      if (next->second) sources_.push_back(std::move(*next->second));
+    }
+    resolved_.notify_all();
+    tell("");
+  }
+
+  /// The second garment of a view, from the same split and earlier in the list, so that simulations
+  /// added later change nothing.
+  const Source* partner(std::size_t index, Random& random) {
+    const std::lock_guard lock(mutex_);
+    std::vector<const Source*> candidates;
+    for (std::size_t i = 0; i < index; ++i) {
+      if (sources_[i].split == sources_[index].split &&
+          sources_[i].garment != sources_[index].garment) {
+        candidates.push_back(&sources_[i]);
+      }
+    }
+    return candidates.empty() ? nullptr : candidates[random.below(candidates.size())];
+  }
+
+  const Source& source(std::size_t index) {
+    const std::lock_guard lock(mutex_);
+    return sources_[index];
+  }
+
+  void render(std::size_t index) {
+    const Source& own = source(index);
+    const int first = static_cast<int>(index) * options_.render.views;
+    const int views = std::min(options_.render.views, progress_.total - first);
+    std::optional<Garment> garment;
+    for (int view = 0; view < views && !stopped_(); ++view) {
+      const std::string name = scene_name(own, view);
+      if (is_finished(out_, name, own)) {
+        const std::lock_guard lock(mutex_);
+        ++progress_.skipped;
+        tell("");
+        continue;
+      }
+      const auto start = Clock::now();
+      std::string error;
+      try {
+        if (!garment) garment = prepare_garment(read_simulation(own.path));
+        render_scene(index, own, *garment, view);
+      } catch (const std::exception& e) {
+        error = name + ": " + e.what();
+      }
+      const std::lock_guard lock(mutex_);
+      rendering_.add(std::chrono::duration<double>(Clock::now() - start).count());
+      ++(error.empty() ? progress_.done : progress_.failed);
+      tell(error);
+    }
+  }
+
+  void render_scene(std::size_t index, const Source& own, const Garment& garment, int view) {
+    std::vector<std::string> rejected;
+    for (int attempt = 0; attempt < kViewAttempts; ++attempt) {
+      Random random(draw_seed(options_, own.name, view + 100 * attempt));
+      const Source* second =
+          random.uniform() < options_.render.double_share ? partner(index, random) : nullptr;
+      std::optional<Garment> second_garment;
+      std::vector<const Garment*> garments = {&garment};
+      std::vector<const Simulation*> shown = {&garment.simulation};
+      if (second != nullptr) {
+        second_garment = prepare_garment(read_simulation(second->path));
+        garments.push_back(&*second_garment);
+        shown.push_back(&second_garment->simulation);
+      }
+      const ViewRecipe recipe = draw_view(random, shown, own.held_out);
+      const ViewScene view_scene(garments, recipe);
+      const IdealImages images = view_scene.render(options_.render.samples);
+      if (cv::countNonZero(images.object == 1) < kMinVisible_px) {
+        rejected.emplace_back("nothing visible");
+        continue;
+      }
+      write_scene(own, garment.simulation, second, recipe, view_scene, images, view, rejected);
+      return;
+    }
+    throw Error("next to nothing of the garment was visible in " + std::to_string(kViewAttempts) +
+                " views");
+  }
+
+  void write_scene(const Source& own, const Simulation& simulation, const Source* second,
+                   const ViewRecipe& recipe, const ViewScene& view_scene, const IdealImages& images,
+                   int view, const std::vector<std::string>& rejected) const {
+    const Annotation annotation = annotate(view_scene, images, recipe, simulation, 0);
+    dataset::Scene scene;
+    scene.name = scene_name(own, view);
+    scene.frame.camera = recipe.camera;
+    if (recipe.mirrored) scene.frame.camera.cx = recipe.camera.width - 1 - recipe.camera.cx;
+    scene.frame.colour = sense_colour(images.radiance, recipe.colour, recipe.sensor_seed);
+    scene.frame.depth = sense_depth(images, recipe.depth, recipe.fabrics, recipe.sensor_seed);
+    scene.frame.mask = images.object == 1;
+    scene.polygons = annotation.polygons;
+    scene.garment = simulation.garment;
+    scene.simulation = own.name;
+    scene.split = own.split;
+    scene.single = second == nullptr;
+    scene.easy = scene.single && is_easy(simulation, annotation);
+    const auto entry =
+        manifest_entry(own, simulation, recipe, annotation, scene, second, rejected).dump();
+    // The annotation says that a scene is finished: none while its files are of two kinds.
+    fs::remove(fs::path(out_) / "annotations" / (scene.name + ".txt"));
+    write_text(fs::path(out_) / "meta" / (scene.name + ".json"), entry + "\n");
+    dataset::write_iri(out_, scene, annotation.labels);
+  }
+
+  void tell(const std::string& error) {  // with the lock held
+    const int simulations = progress_.simulations_total - progress_.simulations;
+    const int scenes = progress_.total - progress_.done - progress_.skipped - progress_.failed;
+    const bool known = (simulations == 0 || simulating_.count > 0) && rendering_.count > 0;
+    progress_.seconds_left =
+        known ? (simulations * simulating_.mean() + scenes * rendering_.mean()) / options_.jobs
+              : -1.0;
+    progress_.error = error;
+    report_(progress_);
+  }
+
+  struct Mean {
+    double sum = 0.0;
+    int count = 0;
+    void add(double value) {
+      sum += value;
+      ++count;
+    }
+    double mean() const { return count > 0 ? sum / count : 0.0; }
+  };
+
+  SimulationSource& simulations_;
+  const std::string out_;
+  const MakeOptions& options_;
+  const std::function<void(const SynthProgress&)>& report_;
+  std::atomic<bool> failed_ = false;
+  const std::function<bool()> stopped_;
+  std::mutex mutex_;
+  std::condition_variable resolved_;
+  int next_simulation_ = 0, next_outcome_ = 0, running_ = 0;
+  std::map<int, std::optional<Source>> outcomes_;
+  std::deque<Source> sources_;  // in order, without gaps; a deque's elements stay where they are
+  std::size_t next_render_ = 0;
+  Mean simulating_, rendering_;
+  SynthProgress progress_;
+  std::exception_ptr error_;
+};
+
+}  // namespace
+
+SynthProgress make_dataset(SimulationSource& simulations, const std::string& out,
+                           const MakeOptions& options,
+                           const std::function<void(const SynthProgress&)>& report,
+                           const std::function<bool()>& stopped) {
+  options.render.validate();
+  fs::create_directories(out);
+  const FolderLock lock(out);
+  check_folder(out, options);
+  const auto progress = Run(simulations, out, options, report, stopped).run();
+  if (progress.stopped) return progress;
+  write_manifest(out);
+  write_text(fs::path(out) / "summary.txt", summarise(out));
+  write_contact_sheet(out);
+  return progress;
 }
 
 }  // namespace weft::synth

@@ -1,52 +1,62 @@
 #pragma once
 
 #include <functional>
+#include <memory>
+#include <optional>
 #include <string>
-#include <vector>
 
-#include "base/options.hpp"
+#include "synth/recipe.hpp"
 
 namespace weft::synth {
 
-struct SynthOptions {
-  int seed = 1;
-  int views = 2;
-  int samples = 2;
-  double double_share = 0.08;
-  double test_share = 0.15;
-
-  void visit(OptionVisitor& v) {
-    v.field("seed", seed, {0, 1 << 30}, "", "draws cameras, light, fabrics, noise and the split");
-    v.field("views", views, {1, 4}, "",
-            "views of each simulation; more than four teach little that is new");
-    v.field("samples", samples, {1, 4}, "", "colour samples a pixel along each axis");
-    v.field("double_share", double_share, {0.0, 1.0}, "",
-            "share of the views that show a second garment");
-    v.field("test_share", test_share, {0.0, 0.9}, "",
-            "share of the simulations with seen cuts that are kept for test-seen");
-  }
-  void validate() const { validate_fields(*this, "SynthOptions"); }
+/// A sequence of simulations (.wsim), made when they are asked for or there already.
+class SimulationSource {
+ public:
+  virtual ~SimulationSource() = default;
+  /// How many of them the set is made of.
+  virtual int wanted() const = 0;
+  /// The file of one, nullopt where it had to be given up (the next index takes its place) or
+  /// stopped() became true. Called from several threads. Throws Error.
+  virtual std::optional<std::string> get(int index, const std::function<bool()>& stopped) = 0;
 };
+
+/// The .wsim files of a folder, sorted by path. Throws Error where there is none.
+std::unique_ptr<SimulationSource> simulations_of_folder(const std::string& folder);
+
+/// Blender makes them in `folder`; those it finds there are kept. count: wanted().
+std::unique_ptr<SimulationSource> simulations_by_blender(const std::string& folder, int seed,
+                                                         int count,
+                                                         const SimulationOptions& options);
 
 struct SynthProgress {
+  int simulations = 0, given_up = 0, simulations_total = 0;
   int done = 0, skipped = 0, failed = 0, total = 0;  // scenes
-  double seconds = 0.0;                              // since the start
-  std::string last;                                  // name of the scene, or the error
+  double seconds_left = -1.0;                        // negative: not known yet
+  bool stopped = false;
+  std::string error;  // of the scene that has just failed
 };
 
-/// Renders every simulation (*.wsim) of a folder into a data set of the IRI layout with
-/// manifest.jsonl (one JSON object a scene) and dataset.json (version and options). Finished scenes
-/// are kept unless their simulation changed: a run may be cut off and taken up again, or go on when
-/// simulations were added, best under names that sort last (second garments are drawn from earlier
-/// ones). Same simulations, options and version give the same bytes. Splits are by simulation:
-/// test-held-out where the cut is reserved (fabrics reserved too), otherwise test-seen for
-/// test_share of them, train for the rest. Throws Error when the output folder was made with other
-/// options or nothing can be read.
-SynthProgress make_dataset(const std::string& simulations, const std::string& out,
-                           const SynthOptions& options, int jobs,
-                           const std::function<void(const SynthProgress&)>& report);
+struct MakeOptions {
+  int seed = 1;
+  int scenes = 0;  // 0: all views of all simulations
+  RenderOptions render;
+  std::string settings;  // what dataset.json says about how the set was made
+  int jobs = 1;
+};
 
-/// PNG of up to `count` scenes of a data set side by side, with their polygons (grey = ignored).
-void write_contact_sheet(const std::string& dataset, const std::string& png, int count);
+/// Renders simulations into a data set of the IRI layout with manifest.jsonl (one JSON object a
+/// scene), dataset.json (version and settings), summary.txt and contact-sheet.png. A simulation is
+/// rendered as soon as all before it are there, since second garments are drawn from those.
+/// Finished scenes are kept unless their simulation changed: a run may be cut off at any moment and
+/// taken up again, or ask for more scenes. Same simulations, options and version give the same
+/// bytes, whatever the number of jobs. Splits are by simulation: test-held-out where the cut is
+/// reserved (fabrics reserved too), otherwise test-seen for test_share of them, train for the rest.
+/// A view that shows next to nothing of its garment is drawn again. report is called by one thread
+/// at a time. Throws Error when the folder was made with other settings, holds more scenes than
+/// asked for or is being written by another program, or a simulation cannot be made or read.
+SynthProgress make_dataset(SimulationSource& simulations, const std::string& out,
+                           const MakeOptions& options,
+                           const std::function<void(const SynthProgress&)>& report,
+                           const std::function<bool()>& stopped);
 
 }  // namespace weft::synth

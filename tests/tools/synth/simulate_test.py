@@ -161,32 +161,38 @@ class Checks(unittest.TestCase):
 class Files(unittest.TestCase):
     def run_main(self, out, *more):
         before = sys.argv
-        sys.argv = ["blender", "--", "--out", out, "--count", "2", "--seed", "5", "--garment", "towel", "--state", "folded", *more]
+        sys.argv = ["blender", "--", "--out", out, "--seed", "5", "--garments", "towel", *more]
         try:
             main.main()
         finally:
             sys.argv = before
 
-    def test_same_seed_same_bytes_and_resuming_changes_nothing(self):
+    def test_same_seed_same_bytes_and_another_index_another_towel(self):
         with tempfile.TemporaryDirectory() as a, tempfile.TemporaryDirectory() as b:
-            self.run_main(a)
-            names = sorted(n for n in os.listdir(a) if n.endswith(".wsim"))
-            self.assertEqual(names, ["5-00000.wsim", "5-00001.wsim"])
-            content = {n: read(os.path.join(a, n)) for n in names}
-            os.remove(os.path.join(a, names[1]))
-            kept = os.stat(os.path.join(a, names[0])).st_mtime_ns
-            self.run_main(a)
-            self.assertEqual(os.stat(os.path.join(a, names[0])).st_mtime_ns, kept)
-            self.run_main(b, "--offset", "1", "--stride", "2")
-            self.assertFalse(os.path.exists(os.path.join(b, names[0])))
-            for folder in (a, b):
-                self.assertEqual(read(os.path.join(folder, names[1])), content[names[1]])
-            header, arrays = wsim.read(os.path.join(a, names[0]))
+            for folder, index in ((a, 0), (a, 1), (b, 1)):
+                self.run_main(folder, "--index", str(index), "--state-shares", "0,0,1,0")
+            self.assertEqual(sorted(os.listdir(a)), ["5-00000.wsim", "5-00001.wsim"])
+            self.assertEqual(os.listdir(b), ["5-00001.wsim"])
+            first, second = (read(os.path.join(a, n)) for n in sorted(os.listdir(a)))
+            self.assertNotEqual(first, second)
+            self.assertEqual(read(os.path.join(b, "5-00001.wsim")), second)
+            header, arrays = wsim.read(os.path.join(a, "5-00000.wsim"))
             self.assertEqual(arrays["pose"].shape, (header["quality"]["vertices"], 3))
             self.assertLess(arrays["faces"].max(), len(arrays["pose"]))
             self.assertGreaterEqual(arrays["pose"][:, 2].min(), 0)
-            self.assertEqual(json.loads(json.dumps(header))["garment"], "towel")
-            self.assertEqual(os.path.getsize(os.path.join(a, names[0])), len(content[names[0]]))
+            self.assertEqual((header["garment"], header["state"]), ("towel", "folded"))
+
+    def test_rejected_poses_are_listed_with_their_reasons(self):
+        before = checks.fault
+        checks.fault = lambda *_: "too high"
+        try:
+            with tempfile.TemporaryDirectory() as a:
+                self.run_main(a, "--index", "0", "--state-shares", "1,0,0,0", "--attempts", "2")
+                self.assertEqual(os.listdir(a), ["5-00000.rejects.jsonl"])
+                lines = [json.loads(x) for x in read(os.path.join(a, "5-00000.rejects.jsonl")).splitlines()]
+                self.assertEqual([(x["attempt"], x["reason"]) for x in lines], [(0, "too high"), (1, "too high")])
+        finally:
+            checks.fault = before
 
 
 if __name__ == "__main__":

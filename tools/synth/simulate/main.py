@@ -1,18 +1,15 @@
-"""Simulate garments on a table, one .wsim file each. Run by Blender:
+"""Simulate one garment on a table and write it as a .wsim file. Run by Blender, best by `weft synth parts`:
 
-OMP_NUM_THREADS=1 blender -b --factory-startup -P tools/synth/simulate/main.py -- \\
-    --out DIR --first-index I --count N --seed S [--offset K --stride J]
+OMP_NUM_THREADS=1 blender -b --factory-startup -t 1 -P tools/synth/simulate/main.py -- --out DIR --seed S --index I
 
-The randomness of an index depends on (seed, index) alone: the same seed gives the same bytes. What is
-finished is not done again. --offset K --stride J takes every J-th index from the K-th on, so that J
-processes can share the work. Rejected poses go to rejects.jsonl with their reason; an index is tried
-up to three times.
+The randomness of an index depends on (seed, index) alone: the same seed gives the same bytes. A pose may be
+rejected; the next attempt draws everything anew. S-I.rejects.jsonl holds a line with the reason for each, S-I.wsim
+the pose that is good, if there is one.
 """
 import argparse
 import json
 import os
 import sys
-import time
 import traceback
 
 import numpy as np
@@ -27,48 +24,61 @@ import states
 import wsim
 
 ROUND = ("tshirt", "polo", "jeans", "shirt", "sweater", "dress") * 3 + ("towel", "blanket")
-ATTEMPTS = 3
-VERTICES = 4600
-HELD_OUT_SHARE = 0.25
+
+
+def names(text):
+    found = text.split(",")
+    for name in found:
+        if name not in patterns.GARMENTS:
+            raise argparse.ArgumentTypeError(f"{name}: not one of {' '.join(sorted(patterns.GARMENTS))}")
+    return found
+
+
+def shares(text):
+    found = [float(x) for x in text.split(",")]
+    if len(found) != len(states.STATES) or min(found) < 0 or abs(sum(found) - 1) > 1e-9:
+        raise argparse.ArgumentTypeError(f"{text}: not {len(states.STATES)} shares that add up to 1")
+    return found
 
 
 def arguments():
-    parser = argparse.ArgumentParser(prog="simulate", description="simulate garments on a table")
+    parser = argparse.ArgumentParser(prog="simulate", description="simulate a garment on a table")
     parser.add_argument("--out", required=True)
-    parser.add_argument("--first-index", type=int, default=0)
-    parser.add_argument("--count", type=int, required=True)
     parser.add_argument("--seed", type=int, required=True)
-    parser.add_argument("--offset", type=int, default=0)
-    parser.add_argument("--stride", type=int, default=1)
-    parser.add_argument("--garment", choices=sorted(patterns.GARMENTS), help="only this type")
-    parser.add_argument("--state", choices=states.STATES, help="only this state")
+    parser.add_argument("--index", type=int, required=True)
+    parser.add_argument("--garments", type=names, default=list(ROUND), help="types, in a new order each round")
+    parser.add_argument("--state-shares", type=shares, default=list(states.SHARES), help=" ".join(states.STATES))
+    parser.add_argument("--held-out-share", type=float, default=0.25)
+    parser.add_argument("--turned-over-share", type=float, default=0.3)
+    parser.add_argument("--vertices", type=int, default=4600)
+    parser.add_argument("--attempts", type=int, default=3)
     args = parser.parse_args(sys.argv[sys.argv.index("--") + 1 :] if "--" in sys.argv else [])
-    if args.stride < 1 or not 0 <= args.offset < args.stride or args.count < 0 or args.first_index < 0 or args.seed < 0:
-        parser.error("--count, --first-index and --seed must not be negative, and 0 <= --offset < --stride")
+    if args.index < 0 or args.seed < 0 or args.attempts < 1:
+        parser.error("--index and --seed must not be negative, --attempts at least 1")
     if os.environ.get("OMP_NUM_THREADS") != "1":
         parser.error("set OMP_NUM_THREADS=1: with more threads the result changes from run to run")
     return args
 
 
-def plan(seed, index, args):
+def plan(args):
     """(garment, state): types come round equally, in an order of their own each round."""
-    order = np.random.default_rng([seed, index // len(ROUND)]).permutation(len(ROUND))
-    rng = np.random.default_rng([seed, index, 0])
-    kind = args.garment or ROUND[order[index % len(ROUND)]]
-    return kind, args.state or str(rng.choice(states.STATES, p=states.SHARES))
+    n = len(args.garments)
+    order = np.random.default_rng([args.seed, args.index // n]).permutation(n)
+    rng = np.random.default_rng([args.seed, args.index, 0])
+    return args.garments[order[args.index % n]], str(rng.choice(states.STATES, p=args.state_shares))
 
 
-def simulate(seed, index, attempt, kind, state):
+def simulate(args, attempt, kind, state):
     """(header, arrays, reason for rejecting it or None)."""
-    rng = np.random.default_rng([seed, index, 1 + attempt])
-    held_out = bool(rng.random() < HELD_OUT_SHARE)
+    rng = np.random.default_rng([args.seed, args.index, 1 + attempt])
+    held_out = bool(rng.random() < args.held_out_share)
     garment = patterns.draw(kind, rng, held_out)
-    turned_over = bool(rng.random() < 0.3)
+    turned_over = bool(rng.random() < args.turned_over_share)
     fabric = cloth.draw_fabric(rng)
     single = len(garment.panels) == 1
     # Piles have the most contacts: a coarser mesh keeps their cost near that of the others.
     coarse = 1.15 if state == "crumpled" else 1.0
-    h = coarse * min(0.0145, max(0.0115, meshes.edge_length(garment, VERTICES * (0.6 if single else 1.0))))
+    h = coarse * min(0.0145, max(0.0115, meshes.edge_length(garment, args.vertices * (0.6 if single else 1.0))))
     mesh = meshes.build(garment, h, 2.5 * cloth.SPACING, rng)
     raw, how = states.lie(mesh, garment, fabric, state, turned_over, rng)
     if not np.isfinite(raw).all():
@@ -78,8 +88,8 @@ def simulate(seed, index, attempt, kind, state):
     header = {
         "format": "weft-sim",
         "version": 1,
-        "seed": seed,
-        "index": index,
+        "seed": args.seed,
+        "index": args.index,
         "attempt": attempt,
         "generator": wsim.GENERATOR,
         "garment": kind,
@@ -101,43 +111,29 @@ def simulate(seed, index, attempt, kind, state):
     return header, arrays, checks.fault(raw, p, quality, state)
 
 
+def write_text(path, text):
+    with open(path + ".tmp", "w") as f:
+        f.write(text)
+    os.replace(path + ".tmp", path)
+
+
 def main():
     args = arguments()
     os.makedirs(args.out, exist_ok=True)
-    rejects = os.path.join(args.out, "rejects.jsonl")
-    known, given_up = set(), set()
-    if os.path.exists(rejects):
-        for line in open(rejects):
-            if line.endswith("\n"):
-                r = json.loads(line)
-                known.add((r["seed"], r["index"], r["attempt"]))
-    given_up = {(s, i) for s, i, a in known if a == ATTEMPTS - 1}
-    indices = range(args.first_index + args.offset, args.first_index + args.count, args.stride)
-    path = lambda i: os.path.join(args.out, f"{args.seed}-{i:05d}.wsim")
-    todo = [i for i in indices if not os.path.exists(path(i)) and (args.seed, i) not in given_up]
-    print(f"simulate: {len(indices)} indices, {len(indices) - len(todo)} done before", flush=True)
-    start, made, refused = time.monotonic(), 0, 0
-    for n, index in enumerate(todo, 1):
-        kind, state = plan(args.seed, index, args)
-        for attempt in range(ATTEMPTS):
-            if (args.seed, index, attempt) in known:
-                continue
-            cpu = time.process_time()
-            header, arrays, reason = simulate(args.seed, index, attempt, kind, state)
-            cpu = time.process_time() - cpu
-            if reason is None:
-                wsim.write(path(index), header, arrays)
-                made += 1
-            else:
-                record = {"seed": args.seed, "index": index, "attempt": attempt, "garment": kind, "state": state, "reason": reason, "quality": header and header["quality"]}
-                with open(rejects, "a") as f:
-                    f.write(json.dumps(record) + "\n")
-                refused += 1
-            print(f"  {index} {kind} {header and header['family']} {state} {header and header['how']} {header and header['quality']} {cpu:.1f} s {reason or 'ok'}", flush=True)
-            if reason is None:
-                break
-        elapsed = time.monotonic() - start
-        print(f"simulate: {n}/{len(todo)} made {made} rejected {refused}, {elapsed / n:.1f} s each, {elapsed / n * (len(todo) - n) / 60:.0f} min left", flush=True)
+    base = os.path.join(args.out, f"{args.seed}-{args.index:05d}")
+    kind, state = plan(args)
+    rejects = []
+    for attempt in range(args.attempts):
+        header, arrays, reason = simulate(args, attempt, kind, state)
+        print(f"{args.index} {kind} {header and header['family']} {state} {header and header['quality']} {reason or 'ok'}", flush=True)
+        if reason is None:
+            break
+        rejects.append(json.dumps({"seed": args.seed, "index": args.index, "attempt": attempt, "garment": kind, "state": state, "reason": reason, "quality": header and header["quality"]}) + "\n")
+    # The .wsim file says that an index is done: what belongs to it comes before.
+    if rejects:
+        write_text(base + ".rejects.jsonl", "".join(rejects))
+    if len(rejects) < args.attempts:
+        wsim.write(base + ".wsim", header, arrays)
 
 
 if __name__ == "__main__":

@@ -26,7 +26,7 @@ def write(path, header, arrays):
     converted = {n: np.ascontiguousarray(a, "<" + d if d != "u1" else d) for n, (d, a) in arrays.items()}
     header = dict(header)
     header["arrays"] = [{"name": n, "dtype": arrays[n][0], "shape": list(a.shape)} for n, a in converted.items()]
-    part = f"{path}.{os.getpid()}.tmp"
+    part = path + ".tmp"
     with open(part, "wb") as f:
         f.write(json.dumps(_plain(header), separators=(",", ":")).encode() + b"\n")
         for a in converted.values():

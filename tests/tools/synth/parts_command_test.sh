@@ -1,0 +1,46 @@
+#!/usr/bin/env bash
+# weft synth parts from end to end, small: parts_command_test.sh FOLDER-OF-PROGRAMS
+set -euo pipefail
+fail() { echo "FAILED: $*" >&2; exit 1; }
+weft=$1/weft
+work=$(mktemp -d)
+trap 'rm -rf "$work"' EXIT
+cd "$work"
+parts() {
+  "$weft" synth parts --seed 3 --jobs 1 --set simulation.garments=[towel] --set simulation.state_shares=[1,0,0,0] \
+    --set simulation.held_out_share=0 --set render.samples=1 "$@"
+}
+
+# Without Blender: what to do about it.
+status=0
+PATH=$work parts --scenes 1 --out none 2>none.txt || status=$?
+[ $status -eq 1 ] || fail "status $status without Blender"
+grep -q "apt-get install blender" none.txt || fail "no remedy without Blender: $(cat none.txt)"
+
+command -v blender >/dev/null || { echo "SKIPPED: Blender is not installed"; exit 0; }
+
+parts --scenes 2 --out whole >summary.txt
+cmp summary.txt whole/summary.txt
+grep -q "^2 scenes of 1 simulations" summary.txt || fail "summary: $(cat summary.txt)"
+[ -z "$(find whole -name '*.tmp')" ] || fail "temporary files are left"
+
+# Killed while Blender simulates: its process goes, too, and the next run ends with the same folder.
+mkdir cut
+setsid "$weft" synth parts --seed 3 --jobs 1 --set simulation.garments=[towel] --set simulation.state_shares=[1,0,0,0] \
+  --set simulation.held_out_share=0 --set render.samples=1 --scenes 2 --out cut 2>/dev/null >/dev/null &
+child=$!
+for _ in $(seq 200); do
+  blender=$(pgrep -P $child || true)
+  [ -z "$blender" ] || break
+  sleep 0.05
+done
+[ -n "${blender:-}" ] || fail "Blender was not started"
+kill -9 $child
+wait $child 2>/dev/null || true
+for _ in $(seq 100); do
+  kill -0 $blender 2>/dev/null || break
+  sleep 0.05
+done
+! kill -0 $blender 2>/dev/null || fail "Blender outlived the program that started it"
+parts --scenes 2 --out cut >/dev/null 2>&1
+diff -r whole cut || fail "not the same folder after a kill"

@@ -1,0 +1,97 @@
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <filesystem>
+#include <vector>
+
+#include "base/error.hpp"
+#include "base/project.hpp"
+#include "synth/blender.hpp"
+#include "synth/dataset_maker.hpp"
+#include "synth/text_file.hpp"
+
+namespace weft::synth {
+namespace fs = std::filesystem;
+namespace {
+
+class FolderSource : public SimulationSource {
+ public:
+  explicit FolderSource(std::vector<std::string> paths) : paths_(std::move(paths)) {}
+  int wanted() const override { return static_cast<int>(paths_.size()); }
+  std::optional<std::string> get(int index, const std::function<bool()>&) override {
+    return paths_.at(static_cast<std::size_t>(index));
+  }
+
+ private:
+  std::vector<std::string> paths_;
+};
+
+class BlenderSource : public SimulationSource {
+ public:
+  BlenderSource(const std::string& folder, int seed, int count, const SimulationOptions& options)
+      : folder_(folder), seed_(seed), count_(count), options_(options) {
+    fs::create_directories(folder);
+  }
+  int wanted() const override { return count_; }
+
+  std::optional<std::string> get(int index, const std::function<bool()>& stopped) override {
+    const fs::path base = fs::path(folder_) / fmt::format("{}-{:05d}", seed_, index);
+    const std::string file = base.string() + ".wsim";
+    const auto given_up = [&] {
+      const std::string rejects = read_text(base.string() + ".rejects.jsonl");
+      return std::count(rejects.begin(), rejects.end(), '\n') >= options_.attempts;
+    };
+    if (fs::exists(file)) return file;
+    if (given_up()) return std::nullopt;
+    std::vector<std::string> arguments = {"--out",
+                                          folder_,
+                                          "--seed",
+                                          std::to_string(seed_),
+                                          "--index",
+                                          std::to_string(index),
+                                          "--garments",
+                                          fmt::format("{}", fmt::join(options_.garments, ",")),
+                                          "--state-shares",
+                                          fmt::format("{}", fmt::join(options_.state_shares, ",")),
+                                          "--held-out-share",
+                                          fmt::format("{}", options_.held_out_share),
+                                          "--turned-over-share",
+                                          fmt::format("{}", options_.turned_over_share),
+                                          "--vertices",
+                                          std::to_string(options_.vertices),
+                                          "--attempts",
+                                          std::to_string(options_.attempts)};
+    static const std::string script = find_in_project("tools/synth/simulate/main.py");
+    if (!run_blender(script, arguments, stopped)) return std::nullopt;
+    if (fs::exists(file)) return file;
+    if (given_up()) return std::nullopt;
+    throw Error(file + ": Blender ended without an error, but wrote no simulation");
+  }
+
+ private:
+  std::string folder_;
+  int seed_, count_;
+  SimulationOptions options_;
+};
+
+}  // namespace
+
+std::unique_ptr<SimulationSource> simulations_of_folder(const std::string& folder) {
+  if (!fs::is_directory(folder)) throw Error(folder + ": not a folder of .wsim files");
+  std::vector<std::string> paths;
+  for (const auto& entry : fs::recursive_directory_iterator(folder)) {
+    if (entry.path().extension() == ".wsim") paths.push_back(entry.path().string());
+  }
+  if (paths.empty()) throw Error(folder + ": no .wsim file is there");
+  std::sort(paths.begin(), paths.end());
+  return std::make_unique<FolderSource>(std::move(paths));
+}
+
+std::unique_ptr<SimulationSource> simulations_by_blender(const std::string& folder, int seed,
+                                                         int count,
+                                                         const SimulationOptions& options) {
+  options.validate();
+  return std::make_unique<BlenderSource>(folder, seed, count, options);
+}
+
+}  // namespace weft::synth
