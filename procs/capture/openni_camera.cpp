@@ -4,6 +4,7 @@
 #include <dlfcn.h>
 #include <unistd.h>
 
+#include <chrono>
 #include <cmath>
 #include <cstdlib>
 #include <deque>
@@ -11,6 +12,7 @@
 #include <fstream>
 #include <mutex>
 #include <opencv2/core.hpp>
+#include <thread>
 
 #include "base/error.hpp"
 
@@ -20,9 +22,11 @@ namespace {
 namespace fs = std::filesystem;
 
 std::string openni_error() {
-  std::string text = openni::OpenNI::getExtendedError();
-  while (!text.empty() && (text.back() == '\n' || text.back() == '\t')) text.pop_back();
-  return text.empty() ? "OpenNI2 gives no reason" : text;
+  constexpr const char* kBlank = " \t\n";
+  const std::string text = openni::OpenNI::getExtendedError();
+  const std::size_t begin = text.find_first_not_of(kBlank);
+  if (begin == std::string::npos) return "OpenNI2 gives no reason";
+  return text.substr(begin, text.find_last_not_of(kBlank) + 1 - begin);
 }
 
 /// OpenNI2 counts initialisations; drivers are loaded by the first.
@@ -111,7 +115,10 @@ class OpenNiCamera::Impl {
     if (device_.isFile()) {
       openni::PlaybackControl* playback = device_.getPlaybackControl();
       if (!playback) throw Error(where_ + ": cannot be played");
-      playback->setRepeatEnabled(false);
+      // Its player spins at the end of a file that does not repeat, walking its list of streams
+      // without a lock, and crashes when they go. A repeated one waits for somebody to read on; the
+      // images' numbers tell where it starts over.
+      playback->setRepeatEnabled(true);
       check(playback->setSpeed(-1.0f), "cannot be read frame by frame");
       const int depths = playback->getNumberOfFrames(depth_);
       const int colours = playback->getNumberOfFrames(colour_);
@@ -128,9 +135,19 @@ class OpenNiCamera::Impl {
     mirrored_ = depth_.getMirroringEnabled();
     if (mirrored_ != colour_.getMirroringEnabled())
       throw Error(where_ + ": only one of depth and colour is mirrored");
+    make_camera();
     check(depth_.start(), "its depth stream does not start");
     check(colour_.start(), "its colour stream does not start");
-    make_camera();
+  }
+
+  ~Impl() {
+    for (auto& queue : waiting_) queue.clear();
+    for (openni::VideoStream* stream : {&depth_, &colour_}) stream->stop();
+    // The player may still be on its way from the last image to its wait for the next reader, past
+    // that list of streams.
+    if (device_.isFile()) std::this_thread::sleep_for(std::chrono::milliseconds(20));
+    for (openni::VideoStream* stream : {&depth_, &colour_}) stream->destroy();
+    device_.close();
   }
 
   bool next(rgbd::RgbdFrame& frame, std::int64_t& device_time_us, const std::stop_token& stop) {
@@ -150,20 +167,36 @@ class OpenNiCamera::Impl {
       if (stop.stop_requested() || (device_.isFile() && images_read_ == images_in_file_))
         return false;
       int ready = -1;
-      constexpr int kWaitMs = 100;
-      const openni::Status status = openni::OpenNI::waitForAnyStream(streams, 2, &ready, kWaitMs);
+      // A recording plays one image for each wait that finds none. An event left over from the
+      // image before, or a wait that ends too soon, would play two, of which one may push the other
+      // out: so the event is taken first, and one wait is as long as all of them may take.
+      if (device_.isFile()) {
+        openni::VideoStream* nothing = nullptr;
+        openni::OpenNI::waitForAnyStream(&nothing, 1, &ready, 0);
+      }
+      const int wait_ms = device_.isFile() ? static_cast<int>(options_.timeout_s * 1000.0) : 100;
+      const openni::Status status = openni::OpenNI::waitForAnyStream(streams, 2, &ready, wait_ms);
       if (status == openni::STATUS_TIME_OUT) {
-        waited_s += kWaitMs / 1000.0;
+        waited_s += wait_ms / 1000.0;
         if (waited_s < options_.timeout_s) continue;
-        throw Error(where_ + ": no pair of images for " + std::to_string(options_.timeout_s) +
-                    " s; is it still connected?");
+        throw Error(where_ + ": no pair of images for " + std::to_string(waited_s) +
+                    (device_.isFile() ? " s; truncated?" : " s; is it still connected?"));
       }
       check(status, "waiting for images failed");
       openni::VideoFrameRef image;
       check(streams[ready]->readFrame(&image), "an image cannot be read");
-      ++images_read_;
-      constexpr std::size_t kMaxWaiting = 8;
-      if (waiting_[ready].size() == kMaxWaiting) waiting_[ready].pop_front();
+      if (device_.isFile()) {
+        const int number = image.getFrameIndex();
+        if (number <= last_numbers_[ready]) {  // one was lost, and the file has started over
+          images_read_ = images_in_file_;
+          continue;
+        }
+        last_numbers_[ready] = number;
+        ++images_read_;
+      }
+      // In a file that a busy machine recorded, one stream may run ahead of the other.
+      const std::size_t most_waiting = device_.isFile() ? 64 : 8;
+      if (waiting_[ready].size() == most_waiting) waiting_[ready].pop_front();
       waiting_[ready].push_back(image);
     }
     const openni::VideoFrameRef depth = waiting_[0].front(), colour = waiting_[1].front();
@@ -282,6 +315,7 @@ class OpenNiCamera::Impl {
   bool mirrored_ = false;
   int frames_ = 0;
   int images_read_ = 0, images_in_file_ = 0;
+  int last_numbers_[2] = {0, 0};                  // of the depth and colour image read from a file
   std::deque<openni::VideoFrameRef> waiting_[2];  // depth and colour without their partner yet
 };
 
