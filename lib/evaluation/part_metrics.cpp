@@ -65,7 +65,8 @@ bool box_centre_hits(const PartPolygon& polygon, const std::vector<const PartPol
                     0.5 * (static_cast<double>(top) + bottom));
 }
 
-PartScore score_part(const std::vector<JudgedImage>& images, const std::string& part) {
+PartScore score_part(const std::vector<JudgedImage>& images, const std::string& part,
+                     double threshold) {
   PartScore score;
   score.part = part;
   score.images = static_cast<int>(images.size());
@@ -86,8 +87,12 @@ PartScore score_part(const std::vector<JudgedImage>& images, const std::string& 
     for (const auto& d : image.detections) {
       if (d.part != part) continue;
       const double x = d.centre_sensor_px.x(), y = d.centre_sensor_px.y();
-      if (!inside_any(targets.back(), x, y) && inside_any(ignored, x, y)) continue;
+      const bool right = inside_any(targets.back(), x, y);
+      if (!right && inside_any(ignored, x, y)) continue;
       ranked.push_back({static_cast<int>(i), &d});
+      if (d.probability < threshold) continue;
+      ++score.sure;
+      score.sure_right += right;
     }
     std::stable_sort(ranked.begin() + begin, ranked.end(), better);
     if (targets.back().empty()) continue;
@@ -183,12 +188,13 @@ AveragePrecision average_precision(const std::vector<bool>& hits, int positives)
   return result;
 }
 
-Evaluation evaluate_parts(const std::vector<JudgedImage>& images) {
+Evaluation evaluate_parts(const std::vector<JudgedImage>& images, double threshold) {
   Evaluation evaluation;
+  evaluation.threshold = threshold;
   double ap = 0.0, recall = 0.0;
   int parts = 0;
   for (const char* part : detector::kParts) {
-    evaluation.parts.push_back(score_part(images, part));
+    evaluation.parts.push_back(score_part(images, part, threshold));
     const auto& score = evaluation.parts.back();
     if (score.positives == 0) continue;
     ap += *score.ap;

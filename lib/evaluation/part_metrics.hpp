@@ -29,6 +29,8 @@ struct PartScore {
   int positive_images = 0;  // images that show at least one
   int images = 0;           // images judged, with and without the part
   int detections = 0;       // counted right or wrong
+  int sure = 0;             // of these, with at least the threshold's probability
+  int sure_right = 0;       // and right; several on one polygon count each
   /// Share of positive images with a right detection among the k best ones.
   std::optional<double> recall_at_1, recall_at_3, recall_at_5;
   /// Recall at one of a random point of the mask, averaged over positive images with a mask.
@@ -43,12 +45,14 @@ struct PartScore {
 
 struct Evaluation {
   std::vector<PartScore> parts;            // in the order of detector::kParts
+  double threshold = 0.5;                  // of sure detections
   std::optional<double> map;               // mean AP of the parts with positives
   std::optional<double> mean_recall_at_1;  // of the parts with positives
 };
 
 /// Scores detections. Detections of equal probability rank in the order of images and detections.
-Evaluation evaluate_parts(const std::vector<JudgedImage>& images);
+/// threshold: probability from which on a detection is counted as sure.
+Evaluation evaluate_parts(const std::vector<JudgedImage>& images, double threshold = 0.5);
 
 /// Whether a point lies in a polygon (even-odd rule) or on its border.
 bool inside(const std::vector<cv::Point2f>& polygon, double x, double y);

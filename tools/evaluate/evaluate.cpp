@@ -26,7 +26,7 @@ struct PartsCommand {
   Selection selection;
   dataset::AugmentOptions augment;
   bool live = false;
-  double draw_from = 0.5;
+  double threshold = 0.5;
   int threads = 0;
 };
 
@@ -49,8 +49,9 @@ void add_options(CLI::App& app, PartsCommand& command) {
   app.add_option("--set", command.assignments, "key=value, e.g. score.peaks.max_peaks=5");
   app.add_option("--json", command.json, "file for the scores");
   app.add_option("--pictures", command.pictures, "folder for pictures of detections and truth");
-  app.add_option("--draw-from", command.draw_from,
-                 "draw detections of parts that are not there from this probability on")
+  app.add_option("--threshold", command.threshold,
+                 "probability from which on a detection counts as sure; right ones are told apart")
+      ->check(CLI::Range(0.0, 1.0))
       ->capture_default_str();
   app.add_option("--threads", command.threads, "0: one for each core");
 }
@@ -65,7 +66,7 @@ int evaluate_parts(const PartsCommand& command) {
           : [&](const evaluation::JudgedImage& image, const cv::Mat& colour) {
               const auto path = command.pictures + "/" + image.name + ".jpg";
               if (!cv::imwrite(path, evaluation::draw_parts(colour, image.truth, image.detections,
-                                                            command.draw_from))) {
+                                                            command.threshold))) {
                 throw Error("cannot write " + path);
               }
             };
@@ -98,7 +99,7 @@ int evaluate_parts(const PartsCommand& command) {
     if (judged.empty()) throw Error("no scene of the dataset is selected");
     images = judged.at("off").size();
     for (const char* mode : {"off", "soft", "hard"}) {
-      const auto evaluation = evaluation::evaluate_parts(judged.at(mode));
+      const auto evaluation = evaluation::evaluate_parts(judged.at(mode), command.threshold);
       std::printf("prior %s\n%s\n", mode, evaluation::to_table(evaluation).c_str());
       json["modes"][mode] = evaluation::to_json(evaluation);
     }
@@ -108,7 +109,7 @@ int evaluate_parts(const PartsCommand& command) {
     const auto judged = judge_log(command.log, command.channel, *data, command.selection, failed,
                                   report, note, observer);
     images = judged.size();
-    const auto evaluation = evaluation::evaluate_parts(judged);
+    const auto evaluation = evaluation::evaluate_parts(judged, command.threshold);
     std::printf("%s\n", evaluation::to_table(evaluation).c_str());
     json = evaluation::to_json(evaluation);
     json["log"] = command.log;

@@ -90,6 +90,8 @@ TEST(EvaluateParts, HandWorkedScene) {
   EXPECT_EQ(sleeves.positive_images, 2);
   EXPECT_EQ(sleeves.images, 3);
   EXPECT_EQ(sleeves.detections, 5);
+  EXPECT_EQ(sleeves.sure, 5);
+  EXPECT_EQ(sleeves.sure_right, 3);             // .8, .7, .6
   EXPECT_DOUBLE_EQ(*sleeves.recall_at_1, 0.5);  // b; the ignored detection takes no rank
   EXPECT_DOUBLE_EQ(*sleeves.recall_at_3, 1.0);
   EXPECT_DOUBLE_EQ(*sleeves.recall_at_5, 1.0);
@@ -105,6 +107,17 @@ TEST(EvaluateParts, HandWorkedScene) {
   EXPECT_EQ(hips.positives, 0);
   EXPECT_FALSE(hips.ap.has_value());
   EXPECT_DOUBLE_EQ(*evaluation.map, *sleeves.ap);  // parts without positives do not dilute the mean
+}
+
+TEST(EvaluateParts, SureDetectionsHaveTheThresholdsProbability) {
+  std::vector<JudgedImage> images(1);
+  images[0].truth = {square("jeans hips", 0, 0, 10)};
+  images[0].detections = {at("jeans hips", 5, 5, 0.7), at("jeans hips", 30, 5, 0.69),
+                          at("jeans hips", 30, 30, 0.9)};
+  const auto evaluation = evaluate_parts(images, 0.7);
+  EXPECT_EQ(evaluation.threshold, 0.7);
+  EXPECT_EQ(score_of(evaluation, "jeans hips").sure, 2);
+  EXPECT_EQ(score_of(evaluation, "jeans hips").sure_right, 1);
 }
 
 TEST(EvaluateParts, APolygonToFindWinsOverOneToIgnore) {
