@@ -128,6 +128,7 @@ SvmResult train_chi2_svm(const Windows& windows, int folds, const SvmOptions& op
   struct Setting {
     SvmResult::Tried tried;
     Decision decision;
+    std::vector<Decision> without_fold;
     std::vector<double> held_out;
   };
   std::vector<Setting> settings;
@@ -141,8 +142,8 @@ SvmResult train_chi2_svm(const Windows& windows, int folds, const SvmOptions& op
       Setting setting;
       setting.held_out.resize(size);
       for (int fold = 0; fold < folds; ++fold) {
-        const auto decision = train_subset(kernel, n, windows.positive, all_but(windows.fold, fold),
-                                           c, options.positive_weight);
+        const auto& decision = setting.without_fold.emplace_back(train_subset(
+            kernel, n, windows.positive, all_but(windows.fold, fold), c, options.positive_weight));
         for (int i = 0; i < n; ++i) {
           if (windows.fold[static_cast<std::size_t>(i)] != fold) continue;
           setting.held_out[static_cast<std::size_t>(i)] = decide(kernel, n, decision, i);
@@ -178,16 +179,22 @@ SvmResult train_chi2_svm(const Windows& windows, int folds, const SvmOptions& op
   result.gamma_factor = best->tried.gamma_factor;
   result.cross_validated_ap = best->tried.ap;
   result.samples = n;
-  result.svm.gamma = best->tried.gamma_factor / mean_distance;
-  result.svm.rho = best->decision.rho;
-  result.svm.coefficients = best->decision.coefficients;
-  for (const int row : best->decision.rows) {
-    const auto begin = windows.counts.begin() + static_cast<std::ptrdiff_t>(row) * words;
-    result.svm.counts.insert(result.svm.counts.end(), begin, begin + words);
-  }
   const auto sigmoid = fit_sigmoid(best->held_out, windows.positive);
-  result.svm.platt_a = sigmoid.a;
-  result.svm.platt_b = sigmoid.b;
+  const auto svm_of = [&](const Decision& decision) {
+    detector::PartSvm svm;
+    svm.gamma = best->tried.gamma_factor / mean_distance;
+    svm.rho = decision.rho;
+    svm.coefficients = decision.coefficients;
+    for (const int row : decision.rows) {
+      const auto begin = windows.counts.begin() + static_cast<std::ptrdiff_t>(row) * words;
+      svm.counts.insert(svm.counts.end(), begin, begin + words);
+    }
+    svm.platt_a = sigmoid.a;
+    svm.platt_b = sigmoid.b;
+    return svm;
+  };
+  result.svm = svm_of(best->decision);
+  for (const auto& decision : best->without_fold) result.without_fold.push_back(svm_of(decision));
   std::vector<double> log_odds;
   for (const double f : best->held_out) log_odds.push_back(-(sigmoid.a * f + sigmoid.b));
   result.cross_validated_log_loss = log_loss(log_odds, windows.positive);

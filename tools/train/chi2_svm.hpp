@@ -40,6 +40,8 @@ struct Windows {
 
 struct SvmResult {
   detector::PartSvm svm;  // but for part and shapes
+  /// The same trained without one fold each: what scores unseen windows of that fold.
+  std::vector<detector::PartSvm> without_fold;
   double c = 0.0;
   double gamma_factor = 0.0;
   double cross_validated_ap = 0.0;

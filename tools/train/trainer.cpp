@@ -28,6 +28,8 @@ using detector::kParts;
 using nlohmann::ordered_json;
 
 constexpr int kPartCount = static_cast<int>(kParts.size());
+// Part of the names of finished steps: one more whenever a step's file or meaning changes.
+constexpr int kRecipe = 2;
 constexpr double kIgnoreOverlap = 0.1;  // a window that touches a polygon to ignore proves nothing
 
 /// Items of unequal cost, one after the other as threads become free; each writes to its own place.
@@ -96,11 +98,13 @@ class Trainer {
   void mine(int part, const detector::ScoreModel& model, const View& view,
             std::vector<bovw::CellBox>& hard) const;
   SvmResult refine_part(int part) const;
+  ordered_json calibrate(int part, SvmResult& result) const;
   fs::path cached(const std::string& step, std::uint64_t key, const std::string& ending) const {
     return fs::path(work_) / (step + "-" + to_hex(key) + ending);
   }
   std::uint64_t scene_key(std::uint64_t data_hash) const {
     Hash64 key;
+    key.add(static_cast<std::uint64_t>(kRecipe));
     key.add(data_hash);
     key.add(options_hash(options_.describe));
     key.add(options_hash(options_.augment));
@@ -642,6 +646,66 @@ SvmResult Trainer::refine_part(int part) const {
   return result;
 }
 
+/// Platt's sigmoid anew, on what the layer reports: the best of some hundred windows around a peak
+/// scores higher than a window drawn at random, and right ones are rarer than among the training
+/// windows. Held-out views are scored without their fold; the probability is then that of the
+/// detection's centre lying on the part, comparable between parts.
+ordered_json Trainer::calibrate(int part, SvmResult& result) const {
+  const std::string name = kParts[static_cast<std::size_t>(part)];
+  std::vector<double> decisions;
+  std::vector<char> hits;
+  for (int fold = 0; fold < options_.folds; ++fold) {
+    auto svm = result.without_fold.at(static_cast<std::size_t>(fold));
+    svm.part = name;
+    svm.shapes = refine_shapes_[static_cast<std::size_t>(part)];
+    svm.platt_a = -1.0;
+    svm.platt_b = 0.0;
+    detector::RefineModel model;
+    model.blocks = score_model_.blocks;
+    model.parts = {std::move(svm)};
+    const detector::Refiner refiner(std::move(model), options_.windows);
+    for (std::size_t v = 0; v < views_.size(); ++v) {
+      const auto& view = views_[v];
+      if (view.fold != fold) continue;
+      std::vector<detector::Candidate> candidates;
+      for (const auto& candidate : candidates_[v]) {
+        if (candidate.part == name) candidates.push_back(candidate);
+      }
+      for (const auto& detection : refiner.refine(view.pointers, candidates, 1)) {
+        const auto& box = detection.box_view;
+        bool hit = false, ignored = false;
+        for (const auto& p : view.parts) {
+          if (p.part != part ||
+              !evaluation::inside(p.polygon, box.x + box.width / 2, box.y + box.height / 2)) {
+            continue;
+          }
+          (p.ignore ? ignored : hit) = true;
+        }
+        if (ignored && !hit) continue;
+        decisions.push_back(std::log(detection.probability / (1.0 - detection.probability)));
+        hits.push_back(hit);
+      }
+    }
+  }
+  const auto right = std::count(hits.begin(), hits.end(), true);
+  auto sigmoid = fit_sigmoid(decisions, hits);
+  if (sigmoid.a >= 0.0) {
+    // Scores that tell nothing: the share of right ones for all, ranked as the SVM does.
+    const auto wrong = static_cast<double>(hits.size()) - static_cast<double>(right);
+    sigmoid = {-1e-6, std::log((wrong + 1.0) / (static_cast<double>(right) + 1.0))};
+    note_(name + ": held-out detections score no higher when they are right (" +
+          std::to_string(right) + " of " + std::to_string(hits.size()) +
+          " are): all get that share as probability; use more scenes");
+  }
+  result.svm.platt_a = sigmoid.a;
+  result.svm.platt_b = sigmoid.b;
+  ordered_json report;
+  report["detections"] = hits.size();
+  report["right"] = right;
+  report["cross_validated_ap"] = ranking_ap(decisions, hits);
+  return report;
+}
+
 void Trainer::train_refinement() {
   Hash64 key;
   key.add(score_key_);
@@ -659,8 +723,9 @@ void Trainer::train_refinement() {
     const auto path = cached(name, key.value(), ".blob"),
                report_path = cached(name, key.value(), ".json");
     if (!fs::exists(path) || !fs::exists(report_path)) {
-      const auto result = refine_part(part);
+      auto result = refine_part(part);
       ordered_json report;
+      report["calibration"] = calibrate(part, result);
       report["samples"] = result.samples;
       report["support_vectors"] = result.svm.support_vectors();
       report["c"] = result.c;
