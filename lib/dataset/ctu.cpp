@@ -60,11 +60,12 @@ class CtuDataset : public Dataset {
     frame.depth = read_depth_image(depth_path);
     const int width = frame.depth.cols, height = frame.depth.rows;
     const int top = (colour.rows - 2 * height) / 2;
-    if (colour.cols != 2 * width || top < 0)
+    if (colour.cols != 2 * width || top < 0) {
       throw Error(colour_path + ": " + std::to_string(colour.cols) + "x" +
                   std::to_string(colour.rows) + " px do not hold a " + std::to_string(2 * width) +
                   "x" + std::to_string(2 * height) + " crop, twice the size of the depth image " +
                   depth_path);
+    }
     cv::resize(colour(cv::Rect(0, top, 2 * width, 2 * height)), frame.colour, {width, height}, 0, 0,
                cv::INTER_AREA);
     frame.camera = camera_from_options(width, height, {}, path);

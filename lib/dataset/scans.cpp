@@ -137,16 +137,18 @@ Scene read_pair(const std::string& name, const std::string& colour, const std::s
   frame.colour = read_colour_image(colour);
   frame.depth = read_depth_image(depth);
   frame.depth_unit_m = options.depth_unit_m;
-  if (frame.colour.size() != frame.depth.size())
+  if (frame.colour.size() != frame.depth.size()) {
     throw Error(depth + ": " + std::to_string(frame.depth.cols) + "x" +
                 std::to_string(frame.depth.rows) + " px, but the colour image " + colour + " has " +
                 std::to_string(frame.colour.cols) + "x" + std::to_string(frame.colour.rows));
+  }
   frame.camera = camera_from_options(frame.colour.cols, frame.colour.rows, options, depth);
-  if (options.registration_offset_px.size() == 2)
+  if (options.registration_offset_px.size() == 2) {
     frame.depth =
         registered(frame.depth, options.registration_scale, options.registration_offset_px.data());
-  else if (std::regex_match(name, kUc3mName))
+  } else if (std::regex_match(name, kUc3mName)) {
     frame.depth = registered(frame.depth, kUc3mScale, kUc3mOffsetPx);
+  }
   return scene;
 }
 
@@ -175,10 +177,11 @@ std::unique_ptr<Dataset> open_pairs(const std::string& folder, const DatasetOpti
   for (const char* colours : {"rgb", "color", "colour", "image"}) {
     const fs::path sub = fs::path(folder) / colours;
     if (!fs::is_directory(sub) || !fs::is_directory(fs::path(folder) / "depth")) continue;
-    for (const auto& entry : fs::directory_iterator(sub))
+    for (const auto& entry : fs::directory_iterator(sub)) {
       if (is_image(entry.path()))
         pairs.push_back({entry.path().stem(), entry.path(),
                          folder + "/depth/" + entry.path().stem().string() + ".png"});
+    }
   }
   if (pairs.empty()) return nullptr;
   std::sort(pairs.begin(), pairs.end(),

@@ -27,7 +27,7 @@ class Grid {
     heights_.assign(cells, 0);
     valid_.assign(cells, 0);
     garment_.assign(cells, 0);
-    for (int y = 0; y < height; ++y)
+    for (int y = 0; y < height; ++y) {
       for (int x = 0; x < width; ++x) {
         const int u = pixel(x), v = pixel(y);
         const double z_m = frame.depth_m(u, v);
@@ -45,6 +45,7 @@ class Grid {
         valid_[at] = sum(valid_) + (h != kNoHeight);
         garment_[at] = sum(garment_) + (mask.at<std::uint8_t>(v, u) != 0);
       }
+    }
   }
 
   struct Window {
@@ -89,7 +90,7 @@ std::optional<Eigen::Vector3d> fit_patch(const rgbd::RgbdFrame& frame, const cv:
   const int rv = std::max(2, static_cast<int>(options.patch_m * camera.fy / z0_m + 0.5));
   std::vector<Eigen::Vector3d> rays;
   std::vector<double> depths_m;
-  for (int v = std::max(0, v0 - rv); v <= std::min(camera.height - 1, v0 + rv); ++v)
+  for (int v = std::max(0, v0 - rv); v <= std::min(camera.height - 1, v0 + rv); ++v) {
     for (int u = std::max(0, u0 - ru); u <= std::min(camera.width - 1, u0 + ru); ++u) {
       const double z_m = frame.depth_m(u, v);
       if (!(z_m > 0.0) || !mask.at<std::uint8_t>(v, u)) continue;
@@ -98,6 +99,7 @@ std::optional<Eigen::Vector3d> fit_patch(const rgbd::RgbdFrame& frame, const cv:
       rays.push_back(ray);
       depths_m.push_back(z_m);
     }
+  }
   if (rays.size() < 12) return std::nullopt;
   constexpr double kNoise_m = 0.003;
   Eigen::Vector3d p(0.0, 0.0, 1.0 / z0_m);
@@ -224,10 +226,10 @@ std::vector<Grasp> find_grasps(const rgbd::RgbdFrame& frame, const cv::Mat& mask
                   2.0);
     if (!(box_px > 0.0) || !low.allFinite() || !high.allFinite()) continue;
     const auto cell = [&](double px, int count) {
-      return static_cast<int>(std::clamp((px - grid.step / 2) / grid.step, 0.0, count - 1.0));
+      return static_cast<int>(std::clamp((px - grid.pixel(0)) / grid.step, 0.0, count - 1.0));
     };
     std::vector<Place> places;
-    for (int y = cell(low.y(), grid.height); y <= cell(high.y(), grid.height); ++y)
+    for (int y = cell(low.y(), grid.height); y <= cell(high.y(), grid.height); ++y) {
       for (int x = cell(low.x(), grid.width); x <= cell(high.x(), grid.width); ++x) {
         const int u = grid.pixel(x), v = grid.pixel(y);
         if (!grid.valid(x, y) || !mask.at<std::uint8_t>(v, u)) continue;
@@ -247,10 +249,11 @@ std::vector<Grasp> find_grasps(const rgbd::RgbdFrame& frame, const cv::Mat& mask
         const double core_height_m = 1e-6 * static_cast<double>(core.height_um) / core.valid;
         const Grid::Window wide = grid.window(x, y, 3 * patch);
         double prominence = 0.0;
-        if (wide.valid > near.valid)
+        if (wide.valid > near.valid) {
           prominence = (height_m - 1e-6 * static_cast<double>(wide.height_um - near.height_um) /
                                        (wide.valid - near.valid)) /
                        options.prominence_m;
+        }
         const double off =
             (px - detection.centre_sensor_px).norm() / (options.centre_share * box_px);
         const double quality =
@@ -258,6 +261,7 @@ std::vector<Grasp> find_grasps(const rgbd::RgbdFrame& frame, const cv::Mat& mask
             (1.0 + off * off);
         places.push_back({quality, core_height_m, u, v});
       }
+    }
     if (table) remove_table(places, options);
     // Ties go to the pixel that comes first, so that the order is one and the same everywhere.
     std::stable_sort(places.begin(), places.end(),

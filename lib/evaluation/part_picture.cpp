@@ -33,7 +33,9 @@ cv::Mat draw_parts(const cv::Mat& colour, const std::vector<dataset::PartPolygon
   }
   std::map<std::string, std::vector<const detector::Detection*>> by_part;
   for (const auto& d : detections) by_part[d.part].push_back(&d);
-  for (auto& [part, found] : by_part) {
+  for (auto& of_part : by_part) {
+    const std::string& part = of_part.first;
+    auto& found = of_part.second;
     std::stable_sort(found.begin(), found.end(),
                      [](const auto* a, const auto* b) { return a->probability > b->probability; });
     const bool there = std::any_of(truth.begin(), truth.end(), [&](const auto& polygon) {

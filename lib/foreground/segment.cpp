@@ -42,7 +42,7 @@ Cells make_cells(const rgbd::RgbdFrame& frame) {
   cells.colour.resize(static_cast<std::size_t>(cells.count()));
   cells.z_m.assign(cells.colour.size(), 0.0);
   cells.seen.assign(cells.colour.size(), 1);
-  for (int y = 0; y < cells.height; ++y)
+  for (int y = 0; y < cells.height; ++y) {
     for (int x = 0; x < cells.width; ++x) {
       const int u1 = std::min((x + 1) * f, frame.camera.width);
       const int v1 = std::min((y + 1) * f, frame.camera.height);
@@ -69,6 +69,7 @@ Cells make_cells(const rgbd::RgbdFrame& frame) {
       else
         cells.seen[i] = with_depth > 0 || brightest > 3;
     }
+  }
   return cells;
 }
 
@@ -77,7 +78,7 @@ Cells make_cells(const rgbd::RgbdFrame& frame) {
 std::vector<int> cell_heights_um(const Cells& cells, const TableSurface& surface) {
   std::vector<int> raw(cells.z_m.size(), kNoHeight);
   const double middle = 0.5 * (cells.factor - 1);
-  for (int y = 0; y < cells.height; ++y)
+  for (int y = 0; y < cells.height; ++y) {
     for (int x = 0; x < cells.width; ++x) {
       const int i = y * cells.width + x;
       if (cells.z_m[i] == 0.0) continue;
@@ -85,20 +86,23 @@ std::vector<int> cell_heights_um(const Cells& cells, const TableSurface& surface
           surface.height_m(x * cells.factor + middle, y * cells.factor + middle, cells.z_m[i]);
       if (std::abs(h_m) < 2.0) raw[i] = static_cast<int>(std::lround(h_m * 1e6));
     }
+  }
   std::vector<int> heights(raw.size(), kNoHeight);
-  for (int y = 0; y < cells.height; ++y)
+  for (int y = 0; y < cells.height; ++y) {
     for (int x = 0; x < cells.width; ++x) {
       if (raw[y * cells.width + x] == kNoHeight) continue;
       int sum = 0, n = 0;
-      for (int yy = std::max(0, y - 1); yy <= std::min(cells.height - 1, y + 1); ++yy)
+      for (int yy = std::max(0, y - 1); yy <= std::min(cells.height - 1, y + 1); ++yy) {
         for (int xx = std::max(0, x - 1); xx <= std::min(cells.width - 1, x + 1); ++xx) {
           const int h = raw[yy * cells.width + xx];
           if (h == kNoHeight) continue;
           sum += h;
           ++n;
         }
+      }
       heights[y * cells.width + x] = sum / n;
     }
+  }
   return heights;
 }
 
@@ -120,10 +124,11 @@ Votes depth_votes(const std::vector<int>& heights_um, int sigma_um, const Segmen
   const auto middle = static_cast<float>(options.min_height_sigma * sigma_um);
   const float per_um = 1.25f / static_cast<float>(sigma_um);
   const auto weight = static_cast<float>(options.depth_weight);
-  for (std::size_t i = 0; i < votes.size(); ++i)
+  for (std::size_t i = 0; i < votes.size(); ++i) {
     if (heights_um[i] != kNoHeight)
       votes[i] =
           weight * std::clamp((static_cast<float>(heights_um[i]) - middle) * per_um, -1.5f, 2.5f);
+  }
   return votes;
 }
 
@@ -143,7 +148,7 @@ std::vector<Colour> even_light(const Cells& cells, const Votes& votes) {
   for (int iteration = 0; iteration < 4; ++iteration) {
     Eigen::Matrix<double, 6, 6> normal = Eigen::Matrix<double, 6, 6>::Zero();
     Eigen::Matrix<double, 6, 3> right = Eigen::Matrix<double, 6, 3>::Zero();
-    for (int y = 2; y < cells.height; y += 6)
+    for (int y = 2; y < cells.height; y += 6) {
       for (int x = 2; x < cells.width; x += 6) {
         const int i = y * cells.width + x;
         if (votes[i] >= 0.0f || !cells.seen[i]) continue;
@@ -157,6 +162,7 @@ std::vector<Colour> even_light(const Cells& cells, const Votes& votes) {
         normal += weight * row * row.transpose();
         right += weight * row * colour;
       }
+    }
     if (!(normal(0, 0) > 50.0)) return cells.colour;  // hardly any table in sight
     for (int k = 1; k < 6; ++k) normal(k, k) += 1.0;
     light = normal.ldlt().solve(right);
@@ -165,18 +171,21 @@ std::vector<Colour> even_light(const Cells& cells, const Votes& votes) {
   constexpr double kEven = 160.0;  // level of the table afterwards
   std::vector<Colour> even(cells.colour.size());
   constexpr int kBlock = 4;  // light changes slowly: one gain a block, of 256
-  for (int by = 0; by < cells.height; by += kBlock)
+  for (int by = 0; by < cells.height; by += kBlock) {
     for (int bx = 0; bx < cells.width; bx += kBlock) {
       const Eigen::RowVector3d here = powers(bx + kBlock / 2, by + kBlock / 2).transpose() * light;
       int gain[3];
       for (int c = 0; c < 3; ++c)
         gain[c] = static_cast<int>(std::clamp(kEven / std::max(here[c], 20.0), 0.25, 4.0) * 256.0);
-      for (int y = by; y < std::min(by + kBlock, cells.height); ++y)
-        for (int x = bx; x < std::min(bx + kBlock, cells.width); ++x)
+      for (int y = by; y < std::min(by + kBlock, cells.height); ++y) {
+        for (int x = bx; x < std::min(bx + kBlock, cells.width); ++x) {
           for (int c = 0; c < 3; ++c)
             even[y * cells.width + x][c] = static_cast<std::uint8_t>(
                 std::min(255, (cells.colour[y * cells.width + x][c] * gain[c] + 128) >> 8));
+        }
+      }
     }
+  }
   return even;
 }
 
@@ -198,7 +207,7 @@ std::vector<int> colour_bins(const std::vector<Colour>& colours) {
 /// Adds to each bin its neighbours along one axis, with weights 1 2 1.
 void smooth_axis(std::vector<int>& histogram, int stride) {
   const int line = stride * kSteps;
-  for (int base = 0; base < static_cast<int>(kBins); base += line)
+  for (int base = 0; base < static_cast<int>(kBins); base += line) {
     for (int offset = 0; offset < stride; ++offset) {
       int* bin = &histogram[base + offset];
       int before = 0;
@@ -208,6 +217,7 @@ void smooth_axis(std::vector<int>& histogram, int stride) {
         before = here;
       }
     }
+  }
 }
 
 /// Log odds of each colour bin from how the cells' current odds share it out.
@@ -272,12 +282,13 @@ class EdgeFilter {
     };
     right_.assign(cells.colour.size(), 0.0f);
     down_.assign(cells.colour.size(), 0.0f);
-    for (int y = 0; y < height_; ++y)
+    for (int y = 0; y < height_; ++y) {
       for (int x = 0; x < width_; ++x) {
         const int i = y * width_ + x;
         if (x + 1 < width_) right_[i] = likeness(i, i + 1);
         if (y + 1 < height_) down_[i] = likeness(i, i + width_);
       }
+    }
     // The sums of the weights are the filter's answer to ones.
     for (Votes* inverse : {&inverse_rows_, &inverse_columns_}) inverse->assign(right_.size(), 1.0f);
     add_rows(inverse_rows_);
@@ -425,11 +436,12 @@ class Segmenter {
     if (area_cm2(component) < options_.min_component_cm2) return false;
     std::int64_t height_um = 0;
     int with_height = 0;
-    for (int i : component.cells)
+    for (int i : component.cells) {
       if (heights_um_[i] != kNoHeight) {
         height_um += heights_um_[i];
         ++with_height;
       }
+    }
     if (with_height == 0 ||
         static_cast<double>(height_um) < 1000.0 * options_.min_component_height_mm * with_height)
       return false;

@@ -34,7 +34,7 @@ std::vector<Sample> sample(const rgbd::RgbdFrame& frame, const cv::Mat& exclude)
   const int rows = (camera.height - 1 - step / 2) / step + 1;
   std::vector<int> index(static_cast<std::size_t>(columns) * rows, -1);
   std::vector<Sample> samples;
-  for (int r = 0; r < rows; ++r)
+  for (int r = 0; r < rows; ++r) {
     for (int c = 0; c < columns; ++c) {
       const int u = c * step + step / 2, v = r * step + step / 2;
       const double z_m = frame.depth_m(u, v);
@@ -43,6 +43,7 @@ std::vector<Sample> sample(const rgbd::RgbdFrame& frame, const cv::Mat& exclude)
       samples.push_back(
           {(u - camera.cx) / camera.fx, (v - camera.cy) / camera.fy, z_m, 1.0 / z_m, false});
     }
+  }
   const auto mark_ends = [&](int begin, int stride, int count) {
     for (int direction : {1, -1}) {
       int found = 0;

@@ -16,11 +16,12 @@ constexpr std::int64_t kMaxPixels = 4096 * 4096;
 
 void check_image(const cv::Mat& image, int type, const rgbd::CameraModel& camera,
                  const char* what) {
-  if (image.type() != type || image.cols != camera.width || image.rows != camera.height)
+  if (image.type() != type || image.cols != camera.width || image.rows != camera.height) {
     throw Error(std::string(what) + " image of type " + std::to_string(image.type()) + " and " +
                 std::to_string(image.cols) + "x" + std::to_string(image.rows) +
                 " px does not belong to a camera of " + std::to_string(camera.width) + "x" +
                 std::to_string(camera.height) + " px");
+  }
 }
 
 Bytes encode_depth(const cv::Mat& depth, FrameEncoding::Depth encoding) {
@@ -127,17 +128,19 @@ rgbd::RgbdFrame from_message(const Message& message, Planes planes) {
          std::to_string(message.part_count) + " is not a whole frame");
   const std::int64_t sizes[] = {message.colour_size, message.depth_size, message.mask_size};
   if (sizes[0] < 0 || sizes[1] < 0 || sizes[2] < 0 ||
-      sizes[0] + sizes[1] + sizes[2] != static_cast<std::int64_t>(message.data.size()))
+      sizes[0] + sizes[1] + sizes[2] != static_cast<std::int64_t>(message.data.size())) {
     fail("colour_size " + std::to_string(sizes[0]) + ", depth_size " + std::to_string(sizes[1]) +
          " and mask_size " + std::to_string(sizes[2]) + " do not add up to the " +
          std::to_string(message.data.size()) + " bytes of data");
+  }
   const std::pair<int, const char*> encodings[] = {{message.colour_encoding, "colour"},
                                                    {message.depth_encoding, "depth"},
                                                    {message.mask_encoding, "mask"}};
-  for (int i = 0; i < 3; ++i)
+  for (int i = 0; i < 3; ++i) {
     if ((encodings[i].first == 0) != (sizes[i] == 0))
       fail(std::string(encodings[i].second) + " of encoding " + std::to_string(encodings[i].first) +
            " has " + std::to_string(sizes[i]) + " bytes");
+  }
   if (planes.colour && message.colour_encoding == Message::COLOUR_NONE)
     fail("the frame of " + message.source + " has no colour");
   if (planes.depth && message.depth_encoding == Message::DEPTH_NONE)

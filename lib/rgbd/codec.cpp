@@ -15,10 +15,11 @@ std::uint32_t big_endian(const std::uint8_t* at, int bytes) {
 }
 
 void check_size(const cv::Size& size, int width, int height, const std::string& where) {
-  if (size != cv::Size(width, height))
+  if (size != cv::Size(width, height)) {
     throw Error(where + ": the image is " + std::to_string(size.width) + "x" +
                 std::to_string(size.height) + " px, not " + std::to_string(width) + "x" +
                 std::to_string(height));
+  }
 }
 
 /// The frame header, which holds the size: walks over the segments before it. Its first byte is the
@@ -81,10 +82,11 @@ cv::Mat decode(const std::uint8_t* data, std::size_t size, int flags, int type, 
 
 std::vector<std::uint8_t> encode(const char* extension, const cv::Mat& image, int type,
                                  const std::vector<int>& parameters) {
-  if (image.empty() || image.type() != type)
+  if (image.empty() || image.type() != type) {
     throw Error(std::string("cannot encode an image of type ") + std::to_string(image.type()) +
                 " and size " + std::to_string(image.cols) + "x" + std::to_string(image.rows) +
                 " as " + extension);
+  }
   std::vector<std::uint8_t> bytes;
   if (!cv::imencode(extension, image, bytes, parameters))
     throw Error(std::string("cannot encode as ") + extension);
@@ -144,12 +146,15 @@ cv::Mat decode_png(const std::uint8_t* data, std::size_t size, PngKind kind, int
   if (kind == PngKind::kDepth)
     return decode(data, size, cv::IMREAD_UNCHANGED, CV_16UC1, width, height, where);
   cv::Mat mask = decode(data, size, cv::IMREAD_GRAYSCALE, CV_8UC1, width, height, where);
-  for (int v = 0; v < mask.rows; ++v)
-    for (int u = 0; u < mask.cols; ++u)
-      if (mask.at<std::uint8_t>(v, u) != 0 && mask.at<std::uint8_t>(v, u) != 255)
+  for (int v = 0; v < mask.rows; ++v) {
+    for (int u = 0; u < mask.cols; ++u) {
+      if (mask.at<std::uint8_t>(v, u) != 0 && mask.at<std::uint8_t>(v, u) != 255) {
         throw Error(where + ": the mask holds the value " +
                     std::to_string(mask.at<std::uint8_t>(v, u)) + " at (" + std::to_string(u) +
                     ", " + std::to_string(v) + "); only 0 and 255 are meaningful");
+      }
+    }
+  }
   return mask;
 }
 

@@ -12,10 +12,11 @@ namespace weft::rgbd {
 namespace {
 
 void check_image(const cv::Mat& depth) {
-  if (depth.type() != CV_16UC1 || depth.empty() || depth.rows > 8192 || depth.cols > 8192)
+  if (depth.type() != CV_16UC1 || depth.empty() || depth.rows > 8192 || depth.cols > 8192) {
     throw Error("depth codes take 16-bit images of 1x1 to 8192x8192 px, not type " +
                 std::to_string(depth.type()) + " of " + std::to_string(depth.cols) + "x" +
                 std::to_string(depth.rows));
+  }
 }
 
 /// Bytes read one by one, never past their end.

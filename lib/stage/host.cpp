@@ -20,7 +20,7 @@ constexpr std::int64_t kReceiveWait_ms = 100;
 
 class Host::Impl {
  public:
-  Impl(Stage& stage, HostOptions options)
+  Impl(Stage& stage, const HostOptions& options)
       : runner_(stage, options.runner),
         identity_(make_identity(stage.interface(), options.name, options.runner.channels)),
         lcm_(connect(options.url)) {
@@ -143,8 +143,8 @@ class Host::Impl {
   std::unique_ptr<lcm::LCM> lcm_;
 };
 
-Host::Host(Stage& stage, HostOptions options)
-    : impl_(std::make_unique<Impl>(stage, std::move(options))) {}
+Host::Host(Stage& stage, const HostOptions& options)
+    : impl_(std::make_unique<Impl>(stage, options)) {}
 Host::~Host() = default;
 void Host::run() { impl_->run(); }
 void Host::request_stop() { impl_->request_stop(); }

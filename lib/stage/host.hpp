@@ -20,7 +20,7 @@ struct HostOptions {
 class Host {
  public:
   /// Connects and subscribes: from here on no message is missed. Throws Error (see connect()).
-  Host(Stage& stage, HostOptions options);
+  Host(Stage& stage, const HostOptions& options);
   ~Host();
   /// Until request_stop(), or SIGINT or SIGTERM when block_stop_signals() was called. Finishes the
   /// frame being processed, publishes STOPPING, returns.

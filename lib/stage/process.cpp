@@ -54,7 +54,7 @@ struct Common {
   }
 
   LcmUrl connect_url() const {
-    const LcmUrl parsed = LcmUrl::parse(url);
+    LcmUrl parsed = LcmUrl::parse(url);
     const std::string warning = receive_buffer_warning(parsed, receive_buffer_limit());
     if (!warning.empty()) spdlog::warn("{}", warning);
     return parsed;

@@ -246,7 +246,7 @@ void Runner::fill(Frame& frame, std::size_t port, std::shared_ptr<void> message)
     slot.complete = true;
     note(describe(frame.name) + ": " + slot.invalid);
   };
-  const int code = type.status(message.get()).code;
+  const std::int8_t code = type.status(message.get()).code;
   if (code < status_t::OK || code > status_t::MISSING_INPUT) {
     invalid("status code " + std::to_string(code) + " is unknown");
     return;
@@ -340,10 +340,11 @@ void Runner::make_room(const FrameName& keep, std::int64_t now_us) {
   while (pending_.size() > static_cast<std::size_t>(options_.max_pending) ||
          held_bytes_ > options_.max_pending_bytes) {
     auto oldest = pending_.end();
-    for (auto it = pending_.begin(); it != pending_.end(); ++it)
+    for (auto it = pending_.begin(); it != pending_.end(); ++it) {
       if (it->first != keep &&
           (oldest == pending_.end() || it->second.order < oldest->second.order))
         oldest = it;
+    }
     if (oldest == pending_.end()) oldest = pending_.find(keep);
     if (oldest == pending_.end()) return;
     Frame frame = std::move(oldest->second);

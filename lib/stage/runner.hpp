@@ -23,7 +23,8 @@ struct FrameName {
   std::string camera;
   std::int64_t session = 0;
   std::int64_t seq = 0;
-  auto operator<=>(const FrameName&) const = default;
+  // clang-tidy takes the comparison with 0 that the compiler writes for a null pointer.
+  auto operator<=>(const FrameName&) const = default;  // NOLINT(modernize-use-nullptr)
 };
 
 struct RunnerOptions {

@@ -10,10 +10,8 @@
 #include "procs/capture/log.hpp"
 #include "procs/capture/source.hpp"
 
+namespace weft::capture_process {
 namespace {
-
-using namespace weft;
-using namespace weft::capture_process;
 
 /// Turns SIGINT and SIGTERM into a stop request. To be made before any other thread.
 class StopSignals {
@@ -107,9 +105,7 @@ int capture_log(const Settings& settings, const std::string& out, LogOptions opt
   return result.errors.empty() && result.frames > 0 ? 0 : 1;
 }
 
-}  // namespace
-
-int main(int argc, char** argv) {
+int run(int argc, char** argv) {
   CLI::App app(
       "Colour and depth from a camera, a recording or scans: as RGBD_FRAME messages, or with --out "
       "as a log.",
@@ -186,3 +182,8 @@ int main(int argc, char** argv) {
     return 1;
   }
 }
+
+}  // namespace
+}  // namespace weft::capture_process
+
+int main(int argc, char** argv) { return weft::capture_process::run(argc, argv); }

@@ -260,11 +260,12 @@ class OpenNiCamera::Impl {
   void make_camera() {
     const openni::VideoMode depth = depth_.getVideoMode(), colour = colour_.getVideoMode();
     if (depth.getResolutionX() != colour.getResolutionX() ||
-        depth.getResolutionY() != colour.getResolutionY())
+        depth.getResolutionY() != colour.getResolutionY()) {
       throw Error(where_ + ": depth of " + std::to_string(depth.getResolutionX()) + "x" +
                   std::to_string(depth.getResolutionY()) + " and colour of " +
                   std::to_string(colour.getResolutionX()) + "x" +
                   std::to_string(colour.getResolutionY()) + " px differ");
+    }
     if (colour.getPixelFormat() != openni::PIXEL_FORMAT_RGB888)
       throw Error(where_ + ": its colour is not RGB888");
     switch (depth.getPixelFormat()) {
@@ -296,10 +297,11 @@ class OpenNiCamera::Impl {
     const int row_bytes = size.width * static_cast<int>(CV_ELEM_SIZE(type));
     if (image.getWidth() != size.width || image.getHeight() != size.height ||
         image.getStrideInBytes() < row_bytes ||
-        image.getDataSize() < (size.height - 1) * image.getStrideInBytes() + row_bytes)
+        image.getDataSize() < (size.height - 1) * image.getStrideInBytes() + row_bytes) {
       throw Error(where_ + ": an image of " + std::to_string(image.getWidth()) + "x" +
                   std::to_string(image.getHeight()) + " px and " +
                   std::to_string(image.getDataSize()) + " bytes is not of the stream's size");
+    }
     return cv::Mat(size, type, const_cast<void*>(image.getData()),
                    static_cast<std::size_t>(image.getStrideInBytes()))
         .clone();

@@ -96,10 +96,11 @@ void CaptureOptions::validate() const {
   openni.validate();
   encoding.validate();
   const bool pair = !colour.empty() || !depth.empty();
-  if (!dataset.empty() + pair + !pcd.empty() + !device.empty() != 1)
+  if (!dataset.empty() + pair + !pcd.empty() + !device.empty() != 1) {
     throw Error(
         "capture: exactly one source is needed: dataset=FOLDER, colour=IMAGE with depth=IMAGE, "
         "pcd=FILE or device=any|URI|FILE.oni");
+  }
   if (pair && (colour.empty() || depth.empty()))
     throw Error("capture: a pair needs both colour=IMAGE and depth=IMAGE");
 }

@@ -63,7 +63,7 @@ std::string find_blender() {
   std::string folders = path != nullptr ? path : "/usr/bin:/bin";
   for (std::size_t at = 0; at <= folders.size();) {
     const auto end = std::min(folders.find(':', at), folders.size());
-    const std::string file = folders.substr(at, end - at) + "/blender";
+    std::string file = folders.substr(at, end - at) + "/blender";
     if (access(file.c_str(), X_OK) == 0 && std::filesystem::is_regular_file(file)) return file;
     at = end + 1;
   }

@@ -413,7 +413,7 @@ SynthProgress make_dataset(SimulationSource& simulations, const std::string& out
   fs::create_directories(out);
   const FolderLock lock(out);
   check_folder(out, options);
-  const auto progress = Run(simulations, out, options, report, stopped).run();
+  auto progress = Run(simulations, out, options, report, stopped).run();
   if (progress.stopped) return progress;
   write_manifest(out);
   write_text(fs::path(out) / "summary.txt", summarise(out));

@@ -35,7 +35,8 @@ struct Lighting {
 Lighting draw_lighting(Random& random, const Vec3& camera);
 
 /// Light at a point of a two-sided surface: [0] outside, [1] inside.
-struct Irradiance {
+// clang-tidy finds the names that the compiler gives to its own copying of the arrays.
+struct Irradiance {                              // NOLINT(bugprone-reserved-identifier)
   Vec3 value[2] = {Vec3::Zero(), Vec3::Zero()};  // over pi, so that albedo x value is radiance
   Vec3 slope[2] = {Vec3::Zero(), Vec3::Zero()};  // of its luminance with the normal
   Irradiance& operator+=(const Irradiance& o) {

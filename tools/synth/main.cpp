@@ -4,13 +4,12 @@
 #include "synth/commands.hpp"
 
 int main(int argc, char** argv) {
-  using namespace weft::synth;
   CLI::App app("Synthetic garment scans: simulated, rendered, annotated", "weft synth");
   app.require_subcommand(1);
-  Chosen chosen;
-  add_parts_command(app, chosen);
-  add_render_command(app, chosen);
-  add_statistics_command(app, chosen);
+  weft::synth::Chosen chosen;
+  weft::synth::add_parts_command(app, chosen);
+  weft::synth::add_render_command(app, chosen);
+  weft::synth::add_statistics_command(app, chosen);
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {

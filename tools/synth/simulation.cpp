@@ -86,7 +86,7 @@ Simulation read_simulation(const std::string& path) {
       if (found == panel_index.end()) reader.fail(where + ": unknown panel");
       return found->second;
     };
-    const json edges = header.at("edges");
+    const json& edges = header.at("edges");
     const auto edge_of = [&](const json& object, const std::string& where) {
       const std::string name = object.at("edge"), panel = object.at("panel");
       if (!edges.contains(name) || !edges[name].contains(panel)) {
