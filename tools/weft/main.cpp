@@ -13,9 +13,8 @@
 #include "stage/telemetry.hpp"
 #include "tools/weft/commands.hpp"
 
+namespace weft {
 namespace {
-
-using namespace weft;
 
 /// Subcommands that are programs of their own, beside this one.
 const std::map<std::string, std::string> kPrograms = {
@@ -194,10 +193,11 @@ int run(int argc, char** argv) {
 }
 
 }  // namespace
+}  // namespace weft
 
 int main(int argc, char** argv) {
   try {
-    return run(argc, argv);
+    return weft::run(argc, argv);
   } catch (const weft::Interrupted&) {
     fmt::print(stderr, "\nstopped\n");
     return 130;

@@ -226,7 +226,7 @@ ProcessSpec& ProcessSet::find(const std::string& process) {
 
 fs::path find_program(const ProcessSet& set, const ProcessSpec& process) {
   const bool is_path = process.exec.find('/') != std::string::npos;
-  const fs::path program =
+  fs::path program =
       (is_path ? set.file.parent_path() / process.exec : program_folder() / process.exec)
           .lexically_normal();
   if (access(program.c_str(), X_OK) != 0 || !fs::is_regular_file(program)) {
