@@ -56,6 +56,7 @@ void LogReader::rewind() {
 }
 
 bool LogReader::read_at(std::int64_t offset, void* to, std::size_t size) {
+  if (size == 0) return true;  // `to` may be null then
   // Seeking throws the buffer away, so not when reading on.
   if (ftello(file_.get()) != offset && fseeko(file_.get(), offset, SEEK_SET) != 0) return false;
   return std::fread(to, 1, size, file_.get()) == size;
@@ -149,7 +150,7 @@ void LogWriter::write(std::int64_t timestamp_us, const std::string& channel, con
   put(head, size, 4);
   head.insert(head.end(), channel.begin(), channel.end());
   if (std::fwrite(head.data(), 1, head.size(), file_) != head.size() ||
-      std::fwrite(data, 1, size, file_) != size)
+      (size > 0 && std::fwrite(data, 1, size, file_) != size))  // data may be null without size
     throw Error(path_ + ": cannot write: " + reason());
 }
 
