@@ -23,6 +23,14 @@ std::string place(const std::string& name, const YAML::Node& node) {
   return line >= 0 ? name + ":" + std::to_string(line + 1) : name;
 }
 
+std::string key_of(const YAML::Node& key, const std::string& name) {
+  try {
+    return key.as<std::string>();
+  } catch (const YAML::Exception&) {
+    throw Error(place(name, key) + ": a key must be a word, not a list or a map");
+  }
+}
+
 YAML::Node parse(const std::string& text, const std::string& name) {
   YAML::Node node;
   try {
@@ -36,11 +44,11 @@ YAML::Node parse(const std::string& text, const std::string& name) {
   return node;
 }
 
-void merge_into(YAML::Node base, const YAML::Node& over) {
+void merge_into(YAML::Node base, const YAML::Node& over, const std::string& name) {
   for (const auto& entry : over) {
-    const auto key = entry.first.as<std::string>();
+    const auto key = key_of(entry.first, name);
     if (entry.second.IsMap() && base[key] && base[key].IsMap()) {
-      merge_into(base[key], entry.second);
+      merge_into(base[key], entry.second, name);
     } else {
       base[key] = entry.second;
     }
@@ -78,7 +86,7 @@ class Reader : public OptionVisitor {
   void finish_level() {
     const auto& level = levels_.back();
     for (const auto& entry : level.node) {
-      const auto key = entry.first.as<std::string>();
+      const auto key = key_of(entry.first, name_);
       if (level.known.contains(key)) continue;
       std::string known;
       for (const auto& each : level.known) known += (known.empty() ? "" : ", ") + each;
@@ -180,7 +188,7 @@ Settings Settings::from_file(const std::string& path) {
 }
 
 void Settings::merge(const Settings& over) {
-  merge_into(data_->node, YAML::Clone(over.data_->node));
+  merge_into(data_->node, YAML::Clone(over.data_->node), over.data_->name);
 }
 
 void Settings::set(const std::string& assignment) {
