@@ -46,13 +46,17 @@ const std::vector<Row>& rows() {
   return table;
 }
 
-int print_statistics(const std::vector<std::string>& folders, std::size_t limit) {
+constexpr double kOracle = 0.97;  // below it not even a perfect detector could score well
+
+int print_statistics(const std::vector<std::string>& folders, std::size_t limit, bool check) {
+  int bad = 0;
   std::vector<std::vector<ScanStatistics>> all;
   for (const auto& folder : folders) {
     std::vector<ScanStatistics> scenes;
     std::map<std::string, PartCount> parts;
     const auto dataset = dataset::open_dataset(folder);
-    const std::size_t total = dataset->names().size(), count = std::min(limit, total);
+    const std::size_t total = dataset->names().size(),
+                      count = limit == 0 ? total : std::min(limit, total);
     for (std::size_t k = 0; k < count; ++k) {
       const auto scene = dataset->read(k * total / count);
       scenes.push_back(scan_statistics(scene));
@@ -60,9 +64,12 @@ int print_statistics(const std::vector<std::string>& folders, std::size_t limit)
     }
     std::printf("%s: %zu scenes\n", folder.c_str(), scenes.size());
     for (const auto& [part, counted] : parts) {
-      std::printf("  %-20s %4d usable, %4d ignored, box centre on the part in %.3f\n", part.c_str(),
-                  counted.usable, counted.ignored,
-                  counted.usable > 0 ? static_cast<double>(counted.centred) / counted.usable : 0.0);
+      const double oracle =
+          counted.usable > 0 ? static_cast<double>(counted.centred) / counted.usable : 1.0;
+      const bool low = check && oracle < kOracle;
+      bad += low ? 1 : 0;
+      std::printf("  %-20s %4d usable, %4d ignored, oracle R@1 %.3f%s\n", part.c_str(),
+                  counted.usable, counted.ignored, oracle, low ? " TOO LOW" : "");
     }
     all.push_back(std::move(scenes));
   }
@@ -76,13 +83,14 @@ int print_statistics(const std::vector<std::string>& folders, std::size_t limit)
       if (values.empty()) values.push_back(0.0);
       std::sort(values.begin(), values.end());
       const auto at = [&](double share) {
-        return values[static_cast<std::size_t>(share * static_cast<double>(values.size() - 1))];
+        return values[static_cast<std::size_t>(share * static_cast<double>(values.size() - 1) +
+                                               0.5)];
       };
       std::printf(" | %7.2f %7.2f %7.2f", at(0.1), at(0.5), at(0.9));
     }
     std::printf("\n");
   }
-  return 0;
+  return bad == 0 ? 0 : 1;
 }
 
 }  // namespace
@@ -91,6 +99,7 @@ void add_statistics_command(CLI::App& app, Chosen& chosen) {
   struct Command {
     std::vector<std::string> folders;
     std::size_t limit = 100;
+    bool check = false;
   };
   const auto command = std::make_shared<Command>();
   auto* sub = app.add_subcommand(
@@ -98,10 +107,14 @@ void add_statistics_command(CLI::App& app, Chosen& chosen) {
       "compare data sets, synthetic and real: per scene, then the 10 %, 50 % and 90 % quantiles "
       "over the scenes");
   sub->add_option("folders", command->folders, "data sets")->required();
-  sub->add_option("--limit", command->limit, "scenes read of each, evenly chosen")
+  sub->add_option("--limit", command->limit, "scenes read of each, evenly chosen; 0: all")
       ->capture_default_str();
+  sub->add_flag("--check", command->check,
+                "fail where the true boxes of a part have an oracle R@1 below 0.97");
   sub->callback([&chosen, command] {
-    chosen = [command] { return print_statistics(command->folders, command->limit); };
+    chosen = [command] {
+      return print_statistics(command->folders, command->limit, command->check);
+    };
   });
 }
 

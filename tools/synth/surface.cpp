@@ -98,7 +98,7 @@ Surface subdivide(const Surface& in, std::vector<std::array<int, 2>>& parents) {
   return out;
 }
 
-void smooth(Surface& s, int times) {
+void smooth(Surface& s, int times, int crease_times) {
   const std::vector<HalfEdge> halves = half_edges(s);
   std::vector<char> on_crease(s.position.size(), 0);
   struct Edge {
@@ -112,28 +112,38 @@ void smooth(Surface& s, int times) {
            halves[end].high == halves[i].high) {
       ++end;
     }
-    edges.push_back({halves[i].low, halves[i].high, end - i != 2});
-    if (end - i != 2) on_crease[at(halves[i].low)] = on_crease[at(halves[i].high)] = 1;
+    const auto panel = [&](std::size_t h) { return s.panel_of_face[at(halves[h].face)]; };
+    const bool crease = end - i != 2 || panel(i) != panel(i + 1);
+    edges.push_back({halves[i].low, halves[i].high, crease});
+    if (crease) on_crease[at(halves[i].low)] = on_crease[at(halves[i].high)] = 1;
     i = end;
   }
   std::vector<Vec3> sum(s.position.size());
   std::vector<int> count(s.position.size());
-  for (int step = 0; step < 2 * times; ++step) {
+  const auto step = [&](float share, bool creases_only) {
     std::fill(sum.begin(), sum.end(), Vec3(Vec3::Zero()));
     std::fill(count.begin(), count.end(), 0);
     for (const auto& [a, b, crease] : edges) {
+      if (creases_only && !crease) continue;
       for (const auto& [to, from] : {std::pair(a, b), std::pair(b, a)}) {
         if (on_crease[at(to)] != 0 && !crease) continue;
         sum[at(to)] += s.position[at(from)];
         ++count[at(to)];
       }
     }
-    const float share = step % 2 == 0 ? 0.5f : -0.53f;
     for (std::size_t v = 0; v < s.position.size(); ++v) {
       // Corners, where creases meet or end, stay.
       if (count[v] == 0 || (on_crease[v] != 0 && count[v] != 2)) continue;
       s.position[v] += share * (sum[v] / static_cast<float>(count[v]) - s.position[v]);
     }
+  };
+  for (int i = 0; i < crease_times; ++i) {
+    step(0.5f, true);
+    step(-0.53f, true);
+  }
+  for (int i = 0; i < times; ++i) {
+    step(0.5f, false);
+    step(-0.53f, false);
   }
   compute_normals(s);
 }

@@ -36,8 +36,10 @@ void interpolate_new(std::vector<T>& values, const std::vector<std::array<int, 2
 }
 
 /// Smoothing without shrinking (Taubin 1995), `times` times: takes away ripples of the length of
-/// two edges, which cloth simulation leaves at seams. Vertices on creases move along them.
-void smooth(Surface& surface, int times);
+/// two edges, which cloth simulation leaves. Creases, which are borders and seams between panels,
+/// are smoothed as lines, crease_times more often: there the ripples are strongest, and they show
+/// as a scalloped outline.
+void smooth(Surface& surface, int times, int crease_times);
 
 /// Area-weighted vertex normals.
 void compute_normals(Surface& surface);

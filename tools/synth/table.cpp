@@ -21,6 +21,8 @@ Table draw_table(Random& r) {
   t.grain = u(0.0, 0.08);
   t.gloss = r.uniform() < 0.5 ? u(0.0, 0.03) : u(0.03, 0.25);
   t.gloss_exponent = static_cast<float>(power(10.0, r.uniform(0.7, 2.2)));
+  // The narrower a highlight, the brighter: few tables are such mirrors.
+  if (r.uniform() < 0.8) t.gloss = std::min(t.gloss, 2.5f / (t.gloss_exponent + 2.0f));
   if (t.family == "grey") {
     t.base = colour_from_hsv(r.uniform(), r.uniform(0.0, 0.1), r.uniform(0.35, 0.75));
   } else if (t.family == "white") {

@@ -98,10 +98,10 @@ ViewRecipe draw_view(Random& r, const std::vector<const Simulation*>& objects, b
 
   auto& c = v.colour;
   c.mean_level = u(0.12, 0.6);
-  c.bright_level = r.uniform() < 0.75 ? u(0.5, 0.95) : u(0.95, 2.0);
+  c.bright_level = r.uniform() < 0.85 ? u(0.5, 0.95) : u(0.95, 1.6);
   c.balance = Vec3(u(0.82, 1.2), u(0.92, 1.08), u(0.8, 1.2));
   c.blur_px = r.uniform() < 0.65 ? u(0.35, 0.95) : u(0.8, 1.4);
-  c.noise_grey = u(0.7, 1.7);
+  c.noise_grey = u(1.0, 1.9);
   c.vignetting = r.uniform() < 0.5 ? u(0.0, 0.2) : u(0.2, 0.6);
   c.gamma = u(1.8, 2.4);
   c.contrast = u(0.0, 0.5);
@@ -110,14 +110,14 @@ ViewRecipe draw_view(Random& r, const std::vector<const Simulation*>& objects, b
   c.mosaic = r.uniform() < 0.6;
   if (c.mosaic) c.blur_px = std::max(c.blur_px, 0.55f);
   c.saturation = u(0.6, 1.15);
-  c.jpeg_quality = r.uniform() < 0.6 ? 0 : static_cast<int>(r.integer(90, 95));
+  c.jpeg_quality = r.uniform() < 0.6 ? 0 : static_cast<int>(r.integer(92, 97));
 
   auto& d = v.depth;
   d.focal_px = u(565.0, 590.0);
   d.window_px = static_cast<int>(r.integer(2, 4));
   d.noise_px = u(0.0, 0.015);
   d.blotch_px = u(0.025, 0.055);
-  d.blotch_size_px = u(3.5, 7.0);
+  d.blotch_size_px = u(4.0, 8.0);
   d.band_px = u(0.0, 0.05);
   d.band_width_px = u(95.0, 115.0);
   d.warp_m = u(0.0, 0.005);
@@ -128,11 +128,11 @@ ViewRecipe draw_view(Random& r, const std::vector<const Simulation*>& objects, b
   d.edge_loss = holes ? u(0.1, 0.8) : 0.0f;
   d.steep_loss = holes ? u(0.1, 0.4) : u(0.0, 0.15);
   d.fill_px = static_cast<int>(holes ? r.integer(0, 3) : r.integer(8, 24));
-  if (r.uniform() < 0.6) {
+  if (r.uniform() < 0.7) {
     d.border_px[0] = static_cast<int>(r.integer(0, 14));
     d.border_px[1] = static_cast<int>(r.integer(0, 16));
-    d.border_px[2] = static_cast<int>(r.integer(5, 45));
-    d.border_px[3] = static_cast<int>(r.integer(0, 20));
+    d.border_px[2] = static_cast<int>(r.integer(5, 50));
+    d.border_px[3] = static_cast<int>(r.integer(0, 24));
   } else {
     d.border_px[r.below(2) * 2] = 8;  // columns without a full window
   }

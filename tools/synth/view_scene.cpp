@@ -53,7 +53,7 @@ Garment prepare_garment(Simulation simulation) {
   g.coarse.faces = simulation.faces;
   g.coarse.panel_of_face = simulation.panel_of_face;
   compute_normals(g.coarse);
-  smooth(g.coarse, 2);
+  smooth(g.coarse, 2, 8);
   while (mean_edge_length(g.coarse) > 2 * kFineEdge_m && g.coarse.faces.size() < 100'000) {
     g.coarse = subdivide(g.coarse, g.parents);
   }

@@ -14,6 +14,7 @@
 #include "base/settings.hpp"
 #include "dataset/iri.hpp"
 #include "support/files.hpp"
+#include "synth/statistics.hpp"
 #include "tools/synth/procedural.hpp"
 
 namespace weft::synth {
@@ -112,6 +113,27 @@ TEST(DatasetMaker, SameBytesAgainAndAfterAKill) {
   }
   EXPECT_EQ(lines, 2);
   EXPECT_NE(first.at("summary.txt").find("2 scenes of 2 simulations"), std::string::npos);
+}
+
+TEST(DatasetMaker, TrueBoxesHitTheirParts) {
+  const test::TemporaryFolder in, out;
+  for (const int i : {0, 1, 2}) {
+    write_simulation(in / (std::to_string(i) + ".wsim"),
+                     test::procedural_sack(std::to_string(i), 0.002f * static_cast<float>(i)));
+  }
+  MakeOptions options = small();
+  options.render.views = 4;
+  make_dataset(
+      *simulations_of_folder(in.string()), out / "set", options, [](const SynthProgress&) {},
+      never);
+  const auto dataset = dataset::open_iri(out / "set");
+  std::map<std::string, PartCount> parts;
+  for (std::size_t i = 0; i < dataset->names().size(); ++i) count_parts(dataset->read(i), parts);
+  ASSERT_EQ(parts.size(), 2u);
+  for (const auto& [part, count] : parts) {
+    EXPECT_GE(count.usable, 5) << part;
+    EXPECT_GE(count.centred, 0.97 * count.usable) << part;
+  }
 }
 
 TEST(DatasetMaker, KilledAtAnyMomentThenTakenUpAgainIsTheSameFolder) {

@@ -128,7 +128,7 @@ TEST(Surface, SmoothingTakesRipplesAndLeavesShape) {
     s.pose[i].z() += (i % 2 == 0 ? 0.001f : -0.001f) + 0.02f * std::sin(12.0f * s.pose[i].x());
   }
   Surface surface = surface_of(s);
-  smooth(surface, 2);
+  smooth(surface, 2, 0);
   double before = 0.0, after = 0.0, shape = 0.0;
   for (std::size_t i = 0; i < s.pose.size(); ++i) {
     const Vec2& p = s.pattern[i];
@@ -141,6 +141,27 @@ TEST(Surface, SmoothingTakesRipplesAndLeavesShape) {
   }
   EXPECT_LT(after, 0.35 * before);
   EXPECT_LT(shape, 0.002);
+}
+
+TEST(Surface, SmoothingTakesScallopsFromSeams) {
+  Simulation s = test::procedural_sack();
+  const auto at_side = [&](std::size_t i) {
+    return s.pattern[i].x() > 0.179f && s.pattern[i].y() > 0.03f && s.pattern[i].y() < 0.42f;
+  };
+  for (std::size_t i = 0; i < s.pose.size(); ++i) {
+    if (at_side(i)) s.pose[i].x() += cvRound(s.pattern[i].y() / 0.015f) % 2 == 0 ? 0.002f : -0.002f;
+  }
+  Surface surface = surface_of(s);
+  smooth(surface, 2, 8);
+  for (std::size_t i = 0; i < s.pose.size(); ++i) {
+    if (at_side(i)) {
+      EXPECT_NEAR(surface.position[i].x(), 0.18f, 0.0007f);
+    }
+    const Vec2& p = s.pattern[i];
+    if (std::abs(p.x()) < 0.12f && p.y() > 0.06f && p.y() < 0.4f) {
+      EXPECT_LT((surface.position[i] - s.pose[i]).norm(), 0.002f);
+    }
+  }
 }
 
 TEST(RayScene, FindsWhatBruteForceFinds) {

@@ -24,17 +24,30 @@ cmp summary.txt whole/summary.txt
 grep -q "^2 scenes of 1 simulations" summary.txt || fail "summary: $(cat summary.txt)"
 [ -z "$(find whole -name '*.tmp')" ] || fail "temporary files are left"
 
+# Stopped by Ctrl-C: in order, without a trace of Blender.
+start() {  # FOLDER: in the background; sets child and blender
+  setsid "$weft" synth parts --seed 3 --jobs 1 --set simulation.garments=[towel] \
+    --set simulation.state_shares=[1,0,0,0] --set simulation.held_out_share=0 --set render.samples=1 \
+    --scenes 2 --out "$1" >/dev/null 2>"$1.txt" &
+  child=$!
+  blender=
+  for _ in $(seq 600); do
+    blender=$(pgrep -P $child || true)
+    [ -z "$blender" ] || break
+    sleep 0.05
+  done
+  [ -n "$blender" ] || fail "Blender was not started: $(cat "$1.txt")"
+}
+start cut
+kill -INT $child
+status=0
+wait $child || status=$?
+[ $status -eq 130 ] || fail "status $status after SIGINT: $(cat cut.txt)"
+! kill -0 $blender 2>/dev/null || fail "Blender is left after SIGINT"
+grep -q "goes on from here" cut.txt || fail "no word of going on: $(cat cut.txt)"
+
 # Killed while Blender simulates: its process goes, too, and the next run ends with the same folder.
-mkdir cut
-setsid "$weft" synth parts --seed 3 --jobs 1 --set simulation.garments=[towel] --set simulation.state_shares=[1,0,0,0] \
-  --set simulation.held_out_share=0 --set render.samples=1 --scenes 2 --out cut 2>/dev/null >/dev/null &
-child=$!
-for _ in $(seq 200); do
-  blender=$(pgrep -P $child || true)
-  [ -z "$blender" ] || break
-  sleep 0.05
-done
-[ -n "${blender:-}" ] || fail "Blender was not started"
+start cut
 kill -9 $child
 wait $child 2>/dev/null || true
 for _ in $(seq 100); do
