@@ -32,7 +32,7 @@ start() {  # FOLDER: in the background; sets child and blender
   child=$!
   blender=
   for _ in $(seq 600); do
-    blender=$(pgrep -P $child || true)
+    blender=$(grep -ls "^PPid:[[:space:]]*$child\$" /proc/[0-9]*/status | head -1 | tr -dc 0-9 || true)
     [ -z "$blender" ] || break
     sleep 0.05
   done
