@@ -97,9 +97,8 @@ std::string contradiction(const weft::grasps_t& grasps) {
 template <class Message>
 void check(std::optional<Message>& message, const char* what, FrameContent& content) {
   if (!message) return;
-  // Of a frame that failed, the fields other than header and status are not set.
-  if (message->status.code != weft::status_t::OK &&
-      message->status.code != weft::status_t::NOTHING) {
+  // The fields other than header and status are set in an answer that is OK, and in no other.
+  if (message->status.code != weft::status_t::OK) {
     message.reset();
     return;
   }
