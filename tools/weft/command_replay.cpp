@@ -149,8 +149,10 @@ int demo_command(const DemoCommand& command, const StageRegistry& registry) {
              [&](const PlayedFrame& frame, const FrameContent& content) {
                std::vector<std::pair<std::string, int>> parts;  // best first, and how often
                std::map<std::string, double> best;
+               std::string guess;
                if (content.detections) {
                  for (const auto& each : content.detections->detections) {
+                   if (guess.empty()) guess = fmt::format("{} {:.2f}", each.part, each.probability);
                    if (each.probability < command.threshold) continue;
                    ++detections;
                    ++by_part[each.part];
@@ -167,8 +169,9 @@ int demo_command(const DemoCommand& command, const StageRegistry& registry) {
                }
                if (frame.source.pass > 0) return;  // the same pictures again
                shown.emplace_back(frame, content);
+               if (found.empty() && !content.problems.empty()) found = content.problems.front();
                if (found.empty())
-                 found = content.problems.empty() ? "nothing" : content.problems.front();
+                 found = guess.empty() ? "nothing" : fmt::format("nothing; at best {}", guess);
                lines += fmt::format("  {:>4}  {:<28} {}\n", frame.source.name.seq,
                                     content.rgbd ? content.rgbd->source : "", found);
              });

@@ -45,7 +45,7 @@ struct DemoCommand {
   std::string log, set, json, truth;
   std::string out = "out/demo";
   long frames = 0;
-  double threshold = 0.5;
+  double threshold = 0.2;
   int window = 4;
   bool in_process = false;
 };

@@ -73,7 +73,8 @@ int run(int argc, char** argv) {
       "--truth", demo.truth,
       "dataset folder the log was captured from: the page shows its part polygons, too");
   sub->add_option("--out", demo.out, "folder for the page")->capture_default_str();
-  sub->add_option("--threshold", demo.threshold, "probability a detection must have to be counted")
+  sub->add_option("--threshold", demo.threshold,
+                  "probability of being right a detection must have to be counted")
       ->check(CLI::Range(0.0, 1.0))
       ->capture_default_str();
   sub->add_option("--window", demo.window, "frames in flight")
