@@ -97,16 +97,19 @@ std::string contradiction(const weft::grasps_t& grasps) {
 template <class Message>
 void check(std::optional<Message>& message, const char* what, FrameContent& content) {
   if (!message) return;
-  // The fields other than header and status are set in an answer that is OK, and in no other.
-  if (message->status.code != weft::status_t::OK) {
+  // Of a frame that failed, the fields other than header and status are not set.
+  const auto code = message->status.code;
+  if (code != weft::status_t::OK && code != weft::status_t::NOTHING) {
     message.reset();
     return;
   }
-  if (const auto text = contradiction(*message); !text.empty()) {
+  const auto text = contradiction(*message);
+  if (text.empty()) return;
+  if (code == weft::status_t::OK) {
     content.problems.push_back(std::string(what) + ": impossible " + text);
     content.failed = true;
-    message.reset();
   }
+  message.reset();  // an answer of nothing may have content, but need not
 }
 
 }  // namespace
