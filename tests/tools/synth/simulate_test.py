@@ -16,6 +16,8 @@ import main
 import mesh as meshes
 import patterns
 import states
+import tshirt_states
+import tshirts
 import wsim
 
 
@@ -144,6 +146,65 @@ class States(unittest.TestCase):
             # A chord is shorter than its arc: at most 10 % at this grid and radius.
             self.assertTrue((after < before * 1.0001).all() and (after > before * 0.9).all())
         self.assertGreater(q[:, 2].max(), 0.03)
+
+
+class TshirtStates(unittest.TestCase):
+    def folded(self, state, way, seed):
+        """(box of the body laid flat, box after the folds), without cloth simulation between them."""
+        rng = np.random.default_rng(seed)
+        garment = patterns.cut("tshirt", "crew", rng, False)
+        mesh = build(garment, 0.02)
+        p = tshirt_states._body_frame(mesh, garment, rng, False, 0.0, 0.0)
+        q = p
+        for fold in tshirt_states.fold_plan(state, way, garment, rng):
+            q = tshirt_states.apply(fold, q, mesh, garment)
+        return 2 * garment.cut["half_width"], garment.cut["length"], np.ptp(q[:, :2], axis=0)
+
+    def test_a_round_has_the_papers_number_of_each_state(self):
+        self.assertEqual(len(tshirt_states.ROUND), 44)
+        self.assertEqual([tshirt_states.ROUND.count(s) for s in tshirt_states.STATES], [4, 12, 9, 4, 10, 5])
+
+    def test_folds_give_the_shapes_of_their_states(self):
+        for seed in range(3):
+            for way in ("thirds", "quarter"):
+                width, length, box = self.folded("strip", way, seed)
+                self.assertLess(box[0], 0.6 * width)
+                self.assertGreater(box[1], 0.95 * length)
+                width, length, box = self.folded("fold-s", way, seed)
+                self.assertLess(box[0], 0.6 * width)
+                self.assertLess(box[1], 0.8 * length)
+            width, length, box = self.folded("fold-2", "half", seed)
+            self.assertGreater(box[0], 0.9 * width)
+            self.assertLess(box[1], 0.8 * length)
+            for way in ("quarter", "shop-half", "shop-thirds"):
+                width, length, box = self.folded("fold-4", way, seed)
+                self.assertLess(box[0], 0.95 * width)
+                self.assertLess(box[1], 0.8 * length)
+
+    def test_rolling_over_lays_the_flap_on_what_is_below(self):
+        x, y = np.meshgrid(np.linspace(-0.3, 0.3, 61), np.linspace(-0.2, 0.2, 41))
+        p = np.c_[x.ravel(), y.ravel(), np.full(x.size, 0.01)]
+        q = tshirt_states.roll_over(p, np.ones(len(p), bool), np.array([0.1, 0.0]), np.array([1.0, 0.0]))
+        flap = p[:, 0] > 0.15
+        np.testing.assert_array_equal(q[p[:, 0] <= 0.1], p[p[:, 0] <= 0.1])
+        self.assertGreater(q[flap, 2].min(), 0.01 + tshirt_states.RADIUS)
+        np.testing.assert_allclose(q[flap, 0], 0.2 - p[flap, 0], atol=4 * tshirt_states.RADIUS)
+        self.assertLess(q[:, 0].max(), 0.1 + 2 * tshirt_states.RADIUS)
+
+    def test_same_seed_same_bytes(self):
+        contents = []
+        before = sys.argv
+        for _ in range(2):
+            with tempfile.TemporaryDirectory() as out:
+                sys.argv = ["blender", "--", "--out", out, "--seed", "3", "--index", "1", "--state", "fold-2", "--vertices", "500"]
+                try:
+                    tshirts.start()
+                finally:
+                    sys.argv = before
+                contents.append({n: read(os.path.join(out, n)) for n in os.listdir(out)})
+                header, _ = wsim.read(os.path.join(out, "3-00001.wsim"))
+        self.assertEqual(contents[0], contents[1])
+        self.assertEqual((header["garment"], header["state"]), ("tshirt", "fold-2"))
 
 
 class Checks(unittest.TestCase):

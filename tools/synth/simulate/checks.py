@@ -5,10 +5,11 @@ from mathutils.bvhtree import BVHTree
 from mesh import edges
 
 # Intersecting pairs per triangle; in piles most are out of sight between layers.
-INTERSECTIONS = {"flat": 0.01, "wrinkled": 0.01, "folded": 0.01, "crumpled": 0.02}
+INTERSECTIONS = {"flat": 0.01, "wrinkled": 0.01, "folded": 0.01, "crumpled": 0.02, "strip": 0.08, "stack": 0.02, "fold-2": 0.05, "fold-4": 0.13, "fold-s": 0.13}
 STRETCH = 1.6  # edges against their rest length, 99th percentile
+FOLDED_STRETCH = 1.85  # where outer layers turn round several inner ones
 LONGEST = 4.0  # edge against the mean edge of the mesh
-HEIGHT = {"flat": 0.06, "wrinkled": 0.16, "folded": 0.14, "crumpled": 0.30}
+HEIGHT = {"flat": 0.06, "wrinkled": 0.16, "folded": 0.14, "crumpled": 0.30, "strip": 0.12, "stack": 0.30, "fold-2": 0.10, "fold-4": 0.12, "fold-s": 0.14}
 
 
 def intersecting_pairs(p, faces):
@@ -74,7 +75,8 @@ def fault(raw, p, quality, state):
         return "slid off the table"
     if quality["intersecting_pairs"] > INTERSECTIONS[state] * quality["faces"]:
         return "intersections"
-    if quality["stretch_p99"] > STRETCH or quality["longest_edge_m"] > LONGEST * quality["edge_m"]:
+    most = FOLDED_STRETCH if state in ("strip", "fold-2", "fold-4", "fold-s") else STRETCH
+    if quality["stretch_p99"] > most or quality["longest_edge_m"] > LONGEST * quality["edge_m"]:
         return "stretched"
     if quality["height_m"] > HEIGHT[state]:
         return "too high"

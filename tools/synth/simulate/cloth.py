@@ -48,16 +48,17 @@ def _table(scene):
     table.collision.use_culling = False
 
 
-def simulate(mesh, start, fabric, frames, pins=None, path=None, table=True, still=0.0):
+def simulate(mesh, start, fabric, frames, pins=None, path=None, table=True, still=0.0, press=1.0):
     """Positions after `frames` frames from rest at `start` ([V,3], metres).
 
     pins: vertices that are held; path: [(frame, (dx, dy, dz))] along which they are carried.
-    still: stop when the mean step per frame is below this (metres).
+    still: stop when the mean step per frame is below this (metres). press: times gravity, as hands
+    that smooth the cloth down.
     """
     _clear()
     scene = bpy.context.scene
     scene.render.fps = FRAMES_PER_SECOND
-    scene.gravity = (0, 0, -GRAVITY * SCALE)
+    scene.gravity = (0, 0, -GRAVITY * SCALE * press)
     data = bpy.data.meshes.new("cloth")
     data.from_pydata((mesh.rest * SCALE).tolist(), [], mesh.faces.tolist())
     data.update()

@@ -81,6 +81,11 @@ def simulate(args, attempt, kind, state):
     h = coarse * min(0.0145, max(0.0115, meshes.edge_length(garment, args.vertices * (0.6 if single else 1.0))))
     mesh = meshes.build(garment, h, 2.5 * cloth.SPACING, rng)
     raw, how = states.lie(mesh, garment, fabric, state, turned_over, rng)
+    return describe(args, attempt, garment, fabric, mesh, state, how, turned_over, raw)
+
+
+def describe(args, attempt, garment, fabric, mesh, state, how, turned_over, raw):
+    """(header, arrays, reason for rejecting it or None) of what the cloth simulation left."""
     if not np.isfinite(raw).all():
         return None, None, "not finite"
     p = checks.settle(raw)
@@ -92,9 +97,9 @@ def simulate(args, attempt, kind, state):
         "index": args.index,
         "attempt": attempt,
         "generator": wsim.GENERATOR,
-        "garment": kind,
+        "garment": garment.kind,
         "family": garment.family,
-        "split_cut": "held-out" if held_out else "seen",
+        "split_cut": "held-out" if garment.held_out else "seen",
         "cut": garment.cut,
         "fabric": vars(fabric),
         "state": state,
@@ -117,11 +122,10 @@ def write_text(path, text):
     os.replace(path + ".tmp", path)
 
 
-def main():
-    args = arguments()
+def make(args, kind, state, simulate):
+    """Writes the index's files with what simulate(args, attempt, kind, state) returns."""
     os.makedirs(args.out, exist_ok=True)
     base = os.path.join(args.out, f"{args.seed}-{args.index:05d}")
-    kind, state = plan(args)
     rejects = []
     for attempt in range(args.attempts):
         header, arrays, reason = simulate(args, attempt, kind, state)
@@ -136,12 +140,21 @@ def main():
         wsim.write(base + ".wsim", header, arrays)
 
 
-if __name__ == "__main__":
+def main():
+    args = arguments()
+    make(args, *plan(args), simulate)
+
+
+def run(function):
     try:
-        main()
+        function()
     except SystemExit as e:
         os._exit(e.code if isinstance(e.code, int) else 1)
     except Exception:
         # Blender would report a failed script and still exit with 0.
         traceback.print_exc()
         os._exit(1)
+
+
+if __name__ == "__main__":
+    run(main)

@@ -18,10 +18,14 @@ def garment(kind, seen, held_out):
 
 
 def draw(kind, rng, held_out):
-    function, seen, reserved = GARMENTS[kind]
-    family = str(rng.choice(reserved if held_out else seen))
+    _, seen, reserved = GARMENTS[kind]
+    return cut(kind, str(rng.choice(reserved if held_out else seen)), rng, held_out)
+
+
+def cut(kind, family, rng, held_out):
+    """A cut of that family, drawn or not by draw()."""
     result = Garment(kind, family, held_out, {})
-    function(result, rng, family)
+    GARMENTS[kind][0](result, rng, family)
     for limb in [limb for limb in result.limbs if limb.pivot[0] > 0]:
         result.limbs.append(Limb(limb.mask[::-1] * [-1, 1], limb.pivot * [-1, 1], limb.axis * [-1, 1], limb.length, limb.inward, limb.loose))
     result.cut = {k: v if isinstance(v, str) else round(float(v), 5) for k, v in result.cut.items()}
@@ -226,8 +230,9 @@ def tshirt(r, rng, family):
         "scoop": dict(neck=(0.09, 0.115), dip=(0.10, 0.15)),
         "v-neck": dict(neck_shape="v", dip=(0.13, 0.19)),
         "cap-sleeve": dict(width=(0.20, 0.24), neck=(0.09, 0.11), dip=(0.08, 0.12)),
+        "long-sleeve": dict(dip=(0.06, 0.10)),
     }[family]
-    t = Torso(r, rng, size, "cap" if family == "cap-sleeve" else "short", **shape)
+    t = Torso(r, rng, size, {"cap-sleeve": "cap", "long-sleeve": "long"}.get(family, "short"), **shape)
     t.panels(r)
     band = rng.uniform(0.012, 0.024)
     sleeve = rng.uniform(0.014, 0.026)
