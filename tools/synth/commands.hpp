@@ -14,6 +14,8 @@ using Chosen = std::function<int()>;
 
 void add_parts_command(CLI::App& app, Chosen& chosen);
 void add_render_command(CLI::App& app, Chosen& chosen);
+void add_states_command(CLI::App& app, Chosen& chosen);
+void add_sequences_command(CLI::App& app, Chosen& chosen);
 void add_statistics_command(CLI::App& app, Chosen& chosen);
 
 }  // namespace weft::synth

@@ -28,6 +28,10 @@ std::unique_ptr<SimulationSource> simulations_by_blender(const std::string& fold
                                                          int count,
                                                          const SimulationOptions& options);
 
+/// The same for T-shirts in six states (simulate/tshirts.py); attempts: poses tried for each.
+std::unique_ptr<SimulationSource> tshirt_states_by_blender(const std::string& folder, int seed,
+                                                           int count, int attempts);
+
 struct SynthProgress {
   int simulations = 0, given_up = 0, simulations_total = 0;
   int done = 0, skipped = 0, failed = 0, total = 0;  // scenes

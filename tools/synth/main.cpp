@@ -9,6 +9,8 @@ int main(int argc, char** argv) {
   weft::synth::Chosen chosen;
   weft::synth::add_parts_command(app, chosen);
   weft::synth::add_render_command(app, chosen);
+  weft::synth::add_states_command(app, chosen);
+  weft::synth::add_sequences_command(app, chosen);
   weft::synth::add_statistics_command(app, chosen);
   try {
     app.parse(argc, argv);

@@ -28,8 +28,15 @@ class FolderSource : public SimulationSource {
 
 class BlenderSource : public SimulationSource {
  public:
-  BlenderSource(const std::string& folder, int seed, int count, const SimulationOptions& options)
-      : folder_(folder), seed_(seed), count_(count), options_(options) {
+  /// script: in tools/synth/simulate; options: its arguments beyond those that every script has.
+  BlenderSource(const std::string& folder, int seed, int count, int attempts,
+                const std::string& script, std::vector<std::string> options)
+      : folder_(folder),
+        script_(find_in_project("tools/synth/simulate/" + script)),
+        seed_(seed),
+        count_(count),
+        attempts_(attempts),
+        options_(std::move(options)) {
     fs::create_directories(folder);
   }
   int wanted() const override { return count_; }
@@ -39,39 +46,25 @@ class BlenderSource : public SimulationSource {
     const std::string file = base.string() + ".wsim";
     const auto given_up = [&] {
       const std::string rejects = read_text(base.string() + ".rejects.jsonl");
-      return std::count(rejects.begin(), rejects.end(), '\n') >= options_.attempts;
+      return std::count(rejects.begin(), rejects.end(), '\n') >= attempts_;
     };
     if (fs::exists(file)) return file;
     if (given_up()) return std::nullopt;
-    std::vector<std::string> arguments = {"--out",
-                                          folder_,
-                                          "--seed",
-                                          std::to_string(seed_),
-                                          "--index",
-                                          std::to_string(index),
-                                          "--garments",
-                                          fmt::format("{}", fmt::join(options_.garments, ",")),
-                                          "--state-shares",
-                                          fmt::format("{}", fmt::join(options_.state_shares, ",")),
-                                          "--held-out-share",
-                                          fmt::format("{}", options_.held_out_share),
-                                          "--turned-over-share",
-                                          fmt::format("{}", options_.turned_over_share),
-                                          "--vertices",
-                                          std::to_string(options_.vertices),
-                                          "--attempts",
-                                          std::to_string(options_.attempts)};
-    static const std::string script = find_in_project("tools/synth/simulate/main.py");
-    if (!run_blender(script, arguments, stopped)) return std::nullopt;
+    std::vector<std::string> arguments = {"--out",      folder_,
+                                          "--seed",     std::to_string(seed_),
+                                          "--index",    std::to_string(index),
+                                          "--attempts", std::to_string(attempts_)};
+    arguments.insert(arguments.end(), options_.begin(), options_.end());
+    if (!run_blender(script_, arguments, stopped)) return std::nullopt;
     if (fs::exists(file)) return file;
     if (given_up()) return std::nullopt;
     throw Error(file + ": Blender ended without an error, but wrote no simulation");
   }
 
  private:
-  std::string folder_;
-  int seed_, count_;
-  SimulationOptions options_;
+  std::string folder_, script_;
+  int seed_, count_, attempts_;
+  std::vector<std::string> options_;
 };
 
 }  // namespace
@@ -91,7 +84,20 @@ std::unique_ptr<SimulationSource> simulations_by_blender(const std::string& fold
                                                          int count,
                                                          const SimulationOptions& options) {
   options.validate();
-  return std::make_unique<BlenderSource>(folder, seed, count, options);
+  return std::make_unique<BlenderSource>(
+      folder, seed, count, options.attempts, "main.py",
+      std::vector<std::string>{"--garments", fmt::format("{}", fmt::join(options.garments, ",")),
+                               "--state-shares",
+                               fmt::format("{}", fmt::join(options.state_shares, ",")),
+                               "--held-out-share", fmt::format("{}", options.held_out_share),
+                               "--turned-over-share", fmt::format("{}", options.turned_over_share),
+                               "--vertices", std::to_string(options.vertices)});
+}
+
+std::unique_ptr<SimulationSource> tshirt_states_by_blender(const std::string& folder, int seed,
+                                                           int count, int attempts) {
+  return std::make_unique<BlenderSource>(folder, seed, count, attempts, "tshirts.py",
+                                         std::vector<std::string>{});
 }
 
 }  // namespace weft::synth

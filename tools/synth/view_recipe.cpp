@@ -45,6 +45,49 @@ Vec2 point_of_interest(Random& r, const Simulation& s, const Vec2& middle) {
 
 }  // namespace
 
+void draw_sensors(Random& r, ColourSensor& c, DepthSensor& d) {
+  const auto u = [&](double a, double b) { return static_cast<float>(r.uniform(a, b)); };
+  c.mean_level = u(0.12, 0.6);
+  c.bright_level = r.uniform() < 0.85 ? u(0.5, 0.95) : u(0.95, 1.6);
+  c.balance = Vec3(u(0.82, 1.2), u(0.92, 1.08), u(0.8, 1.2));
+  c.blur_px = r.uniform() < 0.65 ? u(0.35, 0.95) : u(0.8, 1.4);
+  c.noise_grey = u(1.0, 1.9);
+  c.vignetting = r.uniform() < 0.5 ? u(0.0, 0.2) : u(0.2, 0.6);
+  c.gamma = u(1.8, 2.4);
+  c.contrast = u(0.0, 0.5);
+  c.black_level = r.uniform() < 0.5 ? 0.0f : u(-4.0, 12.0);
+  c.sharpening = r.uniform() < 0.5 ? 0.0f : u(0.0, 0.6);
+  c.mosaic = r.uniform() < 0.6;
+  if (c.mosaic) c.blur_px = std::max(c.blur_px, 0.55f);
+  c.saturation = u(0.6, 1.15);
+  c.jpeg_quality = r.uniform() < 0.6 ? 0 : static_cast<int>(r.integer(92, 97));
+
+  d.focal_px = u(565.0, 590.0);
+  d.window_px = static_cast<int>(r.integer(2, 4));
+  d.noise_px = u(0.0, 0.015);
+  d.blotch_px = u(0.025, 0.055);
+  d.blotch_size_px = u(4.0, 8.0);
+  d.band_px = u(0.0, 0.05);
+  d.band_width_px = u(95.0, 115.0);
+  d.warp_m = u(0.0, 0.005);
+  for (auto& w : d.warp) w = u(-1.0, 1.0);
+  d.shift_x_px = u(-2.0, 2.0);
+  d.shift_y_px = u(-2.0, 2.0);
+  const bool holes = r.uniform() < 0.5;
+  d.edge_loss = holes ? u(0.1, 0.8) : 0.0f;
+  d.steep_loss = holes ? u(0.1, 0.4) : u(0.0, 0.15);
+  d.fill_px = static_cast<int>(holes ? r.integer(0, 3) : r.integer(8, 24));
+  if (r.uniform() < 0.7) {
+    d.border_px[0] = static_cast<int>(r.integer(0, 14));
+    d.border_px[1] = static_cast<int>(r.integer(0, 16));
+    d.border_px[2] = static_cast<int>(r.integer(5, 50));
+    d.border_px[3] = static_cast<int>(r.integer(0, 24));
+  } else {
+    d.border_px[r.below(2) * 2] = 8;  // columns without a full window
+  }
+  d.projector_sign = r.uniform() < 0.5 ? -1.0f : 1.0f;
+}
+
 ViewRecipe draw_view(Random& r, const std::vector<const Simulation*>& objects, bool held_out) {
   ViewRecipe v;
   const auto u = [&](double a, double b) { return static_cast<float>(r.uniform(a, b)); };
@@ -96,47 +139,7 @@ ViewRecipe draw_view(Random& r, const std::vector<const Simulation*>& objects, b
   for (auto& light : v.lighting.points) light.position += Vec3(target.x(), target.y(), 0.0f);
   for (const auto* s : objects) v.fabrics.push_back(draw_fabric(r, held_out, v.table.base, *s));
 
-  auto& c = v.colour;
-  c.mean_level = u(0.12, 0.6);
-  c.bright_level = r.uniform() < 0.85 ? u(0.5, 0.95) : u(0.95, 1.6);
-  c.balance = Vec3(u(0.82, 1.2), u(0.92, 1.08), u(0.8, 1.2));
-  c.blur_px = r.uniform() < 0.65 ? u(0.35, 0.95) : u(0.8, 1.4);
-  c.noise_grey = u(1.0, 1.9);
-  c.vignetting = r.uniform() < 0.5 ? u(0.0, 0.2) : u(0.2, 0.6);
-  c.gamma = u(1.8, 2.4);
-  c.contrast = u(0.0, 0.5);
-  c.black_level = r.uniform() < 0.5 ? 0.0f : u(-4.0, 12.0);
-  c.sharpening = r.uniform() < 0.5 ? 0.0f : u(0.0, 0.6);
-  c.mosaic = r.uniform() < 0.6;
-  if (c.mosaic) c.blur_px = std::max(c.blur_px, 0.55f);
-  c.saturation = u(0.6, 1.15);
-  c.jpeg_quality = r.uniform() < 0.6 ? 0 : static_cast<int>(r.integer(92, 97));
-
-  auto& d = v.depth;
-  d.focal_px = u(565.0, 590.0);
-  d.window_px = static_cast<int>(r.integer(2, 4));
-  d.noise_px = u(0.0, 0.015);
-  d.blotch_px = u(0.025, 0.055);
-  d.blotch_size_px = u(4.0, 8.0);
-  d.band_px = u(0.0, 0.05);
-  d.band_width_px = u(95.0, 115.0);
-  d.warp_m = u(0.0, 0.005);
-  for (auto& w : d.warp) w = u(-1.0, 1.0);
-  d.shift_x_px = u(-2.0, 2.0);
-  d.shift_y_px = u(-2.0, 2.0);
-  const bool holes = r.uniform() < 0.5;
-  d.edge_loss = holes ? u(0.1, 0.8) : 0.0f;
-  d.steep_loss = holes ? u(0.1, 0.4) : u(0.0, 0.15);
-  d.fill_px = static_cast<int>(holes ? r.integer(0, 3) : r.integer(8, 24));
-  if (r.uniform() < 0.7) {
-    d.border_px[0] = static_cast<int>(r.integer(0, 14));
-    d.border_px[1] = static_cast<int>(r.integer(0, 16));
-    d.border_px[2] = static_cast<int>(r.integer(5, 50));
-    d.border_px[3] = static_cast<int>(r.integer(0, 24));
-  } else {
-    d.border_px[r.below(2) * 2] = 8;  // columns without a full window
-  }
-  d.projector_sign = r.uniform() < 0.5 ? -1.0f : 1.0f;
+  draw_sensors(r, v.colour, v.depth);
   v.sensor_seed = r.bits();
   return v;
 }

@@ -73,6 +73,9 @@ struct ViewRecipe {
   std::uint64_t sensor_seed = 0;
 };
 
+/// Sensors as different as those of the real scans.
+void draw_sensors(Random& random, ColourSensor& colour, DepthSensor& depth);
+
 /// objects: one or two garments, the first the one the scene is about. held_out: fabrics reserved
 /// for testing.
 ViewRecipe draw_view(Random& random, const std::vector<const Simulation*>& objects, bool held_out);

@@ -5,6 +5,8 @@
 #include <cmath>
 #include <opencv2/core.hpp>
 
+#include "synth/cloth_shading.hpp"
+
 namespace weft::synth {
 namespace {
 
@@ -26,22 +28,6 @@ Vec3 bilinear(const cv::Mat& image, const Vec2& p) {
   }
   return out;
 }
-
-struct Triangle {
-  int vertex[3];
-  float weight[3];
-  explicit Triangle(const Surface& s, const RayHit& hit) {
-    for (int i = 0; i < 3; ++i) vertex[i] = s.faces[at(hit.face)][at(i)];
-    weight[0] = 1.0f - hit.u - hit.v;
-    weight[1] = hit.u;
-    weight[2] = hit.v;
-  }
-  template <class T>
-  T blend(const std::vector<T>& values) const {
-    return values[at(vertex[0])] * weight[0] + values[at(vertex[1])] * weight[1] +
-           values[at(vertex[2])] * weight[2];
-  }
-};
 
 }  // namespace
 
@@ -210,80 +196,6 @@ Vec3 ViewScene::shade_table(const Vec3& p, bool floor) const {
          bilinear(table_gloss_, node);
 }
 
-Vec3 ViewScene::shade_cloth(const RayHit& hit, const Vec3& direction) const {
-  const auto object = at(hit.object);
-  const Surface& s = surfaces_[object];
-  const Garment& g = *garments_[object];
-  const Fabric& fabric = recipe_.fabrics[object];
-  const Triangle triangle(s, hit);
-  const Vec2 p = triangle.blend(s.pattern);
-  const int panel = s.panel_of_face[at(hit.face)];
-  const PanelMap& map = g.maps[at(panel)];
-  const int side = hit.geometric_normal.dot(direction) <= 0.0f ? 0 : 1;
-  const float sign = side == 0 ? 1.0f : -1.0f;
-  const cv::Point texel = map.texel(p);
-  const auto material =
-      static_cast<Material>((side == 0 ? map.outside : map.inside).at<std::uint8_t>(texel));
-  const Vec3 albedo = fabric.albedo(material, g.simulation.panels[at(panel)], panel, p, side == 1);
-
-  const Vec3 n = triangle.blend(s.normal).normalized();
-  Vec3 bent = n;
-  const Vec3 e1 = s.position[at(triangle.vertex[1])] - s.position[at(triangle.vertex[0])];
-  const Vec3 e2 = s.position[at(triangle.vertex[2])] - s.position[at(triangle.vertex[0])];
-  const Vec2 t1 = s.pattern[at(triangle.vertex[1])] - s.pattern[at(triangle.vertex[0])];
-  const Vec2 t2 = s.pattern[at(triangle.vertex[2])] - s.pattern[at(triangle.vertex[0])];
-  const float determinant = t1.x() * t2.y() - t1.y() * t2.x();
-  if (std::abs(determinant) > 1e-9f) {
-    constexpr float kStep = 0.0008f;
-    const auto height = [&](const Vec2& q) {
-      return 0.001f * (fabric.seam_relief * map.height_at(q) + fabric.relief_mm(panel, q));
-    };
-    const float h = height(p);
-    const float gx = (height(p + Vec2(kStep, 0)) - h) / kStep;
-    const float gy = (height(p + Vec2(0, kStep)) - h) / kStep;
-    const Vec3 along_x = ((e1 * t2.y() - e2 * t1.y()) / determinant).normalized();
-    const Vec3 along_y = ((e2 * t1.x() - e1 * t2.x()) / determinant).normalized();
-    Vec3 slope = gx * along_x + gy * along_y;
-    const float steep = slope.norm();
-    if (steep > 0.9f) slope *= 0.9f / steep;
-    bent = (n - slope).normalized();
-  }
-  const Irradiance light = [&] {
-    Irradiance sum = light_[object][at(triangle.vertex[0])];
-    sum *= triangle.weight[0];
-    for (int i = 1; i < 3; ++i) {
-      Irradiance part = light_[object][at(triangle.vertex[i])];
-      part *= triangle.weight[i];
-      sum += part;
-    }
-    return sum;
-  }();
-  const Vec3& e = light.value[side];
-  const float level = std::max(luminance(e), 1e-6f);
-  const float change = 1.0f + sign * light.slope[side].dot(bent - n) / level;
-  Vec3 radiance = albedo.cwiseProduct(e) * std::clamp(change, 0.12f, 2.5f);
-  if (side == 0) {
-    const float closed = 1.0f - static_cast<float>(map.crevice.at<std::uint8_t>(texel)) / 255.0f;
-    radiance *= 1.0f - fabric.seam_relief * closed;
-  }
-
-  const Vec3 view = -direction.normalized();
-  const float facing = clamp01(sign * bent.dot(view));
-  const float grazing = 1.0f - facing;
-  radiance += e * (fabric.sheen * grazing * grazing * grazing);
-  float gloss = fabric.gloss;
-  if (material == Material::kButton) gloss = 0.15f;
-  if (material == Material::kRivet) gloss = 0.6f;
-  const float strength = light.slope[side].norm();
-  if (gloss > 0.0f && strength > 0.0f) {
-    const Vec3 half = (light.slope[side] / strength + view).normalized();
-    float k = clamp01(sign * bent.dot(half));
-    for (int i = 0; i < 4; ++i) k *= k;
-    radiance += Vec3::Constant(gloss * k * strength);
-  }
-  return radiance;
-}
-
 IdealImages ViewScene::render(int samples) const {
   const int width = recipe_.camera.width, height = recipe_.camera.height;
   const Vec3& origin = recipe_.pose.origin;
@@ -308,7 +220,11 @@ IdealImages ViewScene::render(int samples) const {
           bool floor = false;
           const float table = table_distance(d, floor);
           const RayHit hit = scene_.intersect(origin, d, 0.0f, table);
-          sum += hit.object >= 0 ? shade_cloth(hit, d) : shade_table(origin + table * d, floor);
+          sum +=
+              hit.object >= 0
+                  ? cloth_radiance(*garments_[at(hit.object)], surfaces_[at(hit.object)],
+                                   recipe_.fabrics[at(hit.object)], light_[at(hit.object)], hit, d)
+                  : shade_table(origin + table * d, floor);
         }
       }
       sum /= static_cast<float>(samples * samples);

@@ -51,7 +51,6 @@ class ViewScene {
  private:
   Vec3 ray(double u_px, double v_px) const;
   float table_distance(const Vec3& direction, bool& floor) const;
-  Vec3 shade_cloth(const RayHit& hit, const Vec3& direction) const;
   Vec3 shade_table(const Vec3& point, bool floor) const;
 
   const std::vector<const Garment*>& garments_;
