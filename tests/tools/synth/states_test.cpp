@@ -85,7 +85,6 @@ TEST(States, SameBytesAgainAndCocoAgreesWithTheLabels) {
   fs::remove(out / "two/meta/000001.json");
   fs::remove(out / "two/annotations/instances_train.json");
   test::write_bytes(out / "two/labels/000001.png", "half");
-  fs::remove(out / "two/contact-sheet.png");
   make(out / "two", 2);
   EXPECT_EQ(first, contents(out / "two"));
   EXPECT_EQ(first.count("meshes/flat/a.obj"), 1u);
