@@ -25,26 +25,36 @@ const std::map<std::string, std::string> kPrograms = {
     {"bench", "benchmarks, each with its peer in the same run"},
 };
 
+std::string benches() {
+  std::string names;
+  for (const auto& entry : std::filesystem::directory_iterator(program_folder())) {
+    const auto file = entry.path().filename().string();
+    if (file.starts_with("weft-bench-")) names += " " + file.substr(11);
+  }
+  return names.empty() ? " none; build the dev preset" : names;
+}
+
 /// weft bench NAME is the program weft-bench-NAME, weft train the program weft-train.
 int run_program(const std::string& name, std::vector<std::string> args) {
   std::string program = "weft-" + name;
-  if (name == "bench") {
+  const bool bench = name == "bench";
+  if (bench) {
     if (args.empty() || args.front().starts_with("-")) {
-      fmt::print("usage: weft {} NAME [options]; built here:", name);
-      for (const auto& entry : std::filesystem::directory_iterator(program_folder())) {
-        const auto file = entry.path().filename().string();
-        if (file.starts_with(program + "-")) fmt::print(" {}", file.substr(program.size() + 1));
-      }
-      fmt::print("\n");
+      fmt::print("usage: weft bench NAME [options]; built here:{}\n", benches());
       return args.empty() || args.front() != "--help" ? 2 : 0;
     }
+    if (args.front().find('/') != std::string::npos)
+      throw Error("there is no benchmark '" + args.front() + "'; built here:" + benches());
     program += "-" + args.front();
     args.erase(args.begin());
   }
   const auto path = program_folder() / program;
-  if (access(path.c_str(), X_OK) != 0)
-    throw Error(path.string() + " is not built; build the target " + program +
-                (name == "synth" ? " (it needs Embree 3; Debian: libembree-dev)" : ""));
+  if (access(path.c_str(), X_OK) != 0) {
+    throw Error(bench
+                    ? "there is no benchmark '" + program.substr(11) + "'; built here:" + benches()
+                    : path.string() + " is not built; build the target " + program +
+                          (name == "synth" ? " (it needs Embree 3; Debian: libembree-dev)" : ""));
+  }
   std::string path_text = path.string();
   std::vector<char*> argv{path_text.data()};
   for (auto& arg : args) argv.push_back(arg.data());
