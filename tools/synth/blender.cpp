@@ -56,28 +56,14 @@ std::vector<char*> pointers(std::vector<std::string>& texts) {
   return out;
 }
 
-}  // namespace
+struct Ended {
+  int status = 0;  // as waitpid() gives it
+  bool stopped = false;
+  std::string output;  // its last lines
+};
 
-std::string find_blender() {
-  const char* path = std::getenv("PATH");
-  std::string folders = path != nullptr ? path : "/usr/bin:/bin";
-  for (std::size_t at = 0; at <= folders.size();) {
-    const auto end = std::min(folders.find(':', at), folders.size());
-    std::string file = folders.substr(at, end - at) + "/blender";
-    if (access(file.c_str(), X_OK) == 0 && std::filesystem::is_regular_file(file)) return file;
-    at = end + 1;
-  }
-  throw Error(
-      "Blender is not installed, and only Blender can simulate garments; install it (Debian: "
-      "apt-get install blender python3-numpy libgl1-mesa-dri, or run ./weft synth, which does it) "
-      "and give the same command again");
-}
-
-bool run_blender(const std::string& script, const std::vector<std::string>& arguments,
-                 const std::function<bool()>& stopped) {
-  std::vector<std::string> command = {find_blender(), "-b", "--factory-startup", "-t", "1", "-P",
-                                      script,         "--"};
-  command.insert(command.end(), arguments.begin(), arguments.end());
+/// Runs a program and waits for it.
+Ended run(std::vector<std::string> command, const std::function<bool()>& stopped) {
   std::vector<std::string> environment = {"OMP_NUM_THREADS=1", "PYTHONDONTWRITEBYTECODE=1"};
   for (char** each = environ; *each != nullptr; ++each) {
     if (std::strncmp(*each, "OMP_", 4) != 0) environment.emplace_back(*each);
@@ -99,23 +85,63 @@ bool run_blender(const std::string& script, const std::vector<std::string>& argu
     execve(argv[0], argv.data(), envp.data());
     _exit(127);
   }
-  int status = 0;
-  while (waitpid(child, &status, WNOHANG) == 0) {
+  Ended ended;
+  while (waitpid(child, &ended.status, WNOHANG) == 0) {
     if (stopped()) {
       kill(child, SIGKILL);  // it has nothing to put in order: its files appear whole or not at all
-      waitpid(child, &status, 0);
-      return false;
+      waitpid(child, &ended.status, 0);
+      ended.stopped = true;
+      break;
     }
     std::this_thread::sleep_for(std::chrono::milliseconds(20));
   }
-  if (WIFEXITED(status) && WEXITSTATUS(status) == 0) return true;
-  if (stopped()) return false;
+  ended.output = output.last_lines(12);
+  return ended;
+}
+
+}  // namespace
+
+std::string find_blender() {
+  const char* path = std::getenv("PATH");
+  std::string folders = path != nullptr ? path : "/usr/bin:/bin";
+  for (std::size_t at = 0; at <= folders.size();) {
+    const auto end = std::min(folders.find(':', at), folders.size());
+    std::string file = folders.substr(at, end - at) + "/blender";
+    if (access(file.c_str(), X_OK) == 0 && std::filesystem::is_regular_file(file)) return file;
+    at = end + 1;
+  }
+  throw Error(
+      "Blender is not installed, and only Blender can simulate garments; install it (Debian: "
+      "apt-get install blender python3-numpy libgl1-mesa-dri, or run ./weft synth, which does it) "
+      "and give the same command again");
+}
+
+std::string blender_version() {
+  const auto ended = run({find_blender(), "--version"}, [] { return false; });
+  const auto line = ended.output.substr(0, ended.output.find('\n'));
+  if (ended.status != 0 || line.rfind("Blender ", 0) != 0)
+    throw Error(find_blender() + " --version does not answer as Blender does: " + ended.output);
+  return line;
+}
+
+BlenderEnd run_blender(const std::string& script, const std::vector<std::string>& arguments,
+                       const std::function<bool()>& stopped) {
+  std::vector<std::string> command = {find_blender(), "-b", "--factory-startup", "-t", "1", "-P",
+                                      script,         "--"};
+  command.insert(command.end(), arguments.begin(), arguments.end());
+  const auto ended = run(command, stopped);
+  if (WIFEXITED(ended.status) && WEXITSTATUS(ended.status) == 0) return BlenderEnd::kDone;
+  if (ended.stopped || stopped()) return BlenderEnd::kStopped;
+  const int signal = WIFSIGNALED(ended.status) ? WTERMSIG(ended.status) : 0;
+  for (const int fault : {SIGSEGV, SIGABRT, SIGBUS, SIGFPE, SIGILL}) {
+    if (signal == fault) return BlenderEnd::kCrashed;
+  }
   std::string text = "Blender ";
   for (const auto& each : arguments) text += each + " ";
   throw Error(text +
-              (WIFSIGNALED(status) ? "was ended by signal " + std::to_string(WTERMSIG(status))
-                                   : "ended with status " + std::to_string(WEXITSTATUS(status))) +
-              ":\n" + output.last_lines(12));
+              (signal != 0 ? "was ended by signal " + std::to_string(signal)
+                           : "ended with status " + std::to_string(WEXITSTATUS(ended.status))) +
+              ":\n" + ended.output);
 }
 
 }  // namespace weft::synth

@@ -10,6 +10,7 @@
 
 #include "base/project.hpp"
 #include "base/settings.hpp"
+#include "synth/blender.hpp"
 #include "synth/commands.hpp"
 #include "synth/dataset_maker.hpp"
 #include "synth/run_control.hpp"
@@ -106,13 +107,14 @@ void add_parts_command(CLI::App& app, Chosen& chosen) {
       const auto simulations = simulations_by_blender(
           (std::filesystem::path(command->out) / "simulations").string(), recipe.seed,
           (recipe.scenes + views - 1) / views, recipe.simulation);
-      return make(*command, *simulations,
-                  {.seed = recipe.seed,
-                   .scenes = recipe.scenes,
-                   .render = recipe.render,
-                   .settings = fmt::format("seed: {}\n", recipe.seed) + values(recipe.simulation) +
-                               values(recipe.render),
-                   .jobs = command->jobs});
+      return make(
+          *command, *simulations,
+          {.seed = recipe.seed,
+           .scenes = recipe.scenes,
+           .render = recipe.render,
+           .settings = fmt::format("simulator: {}\nseed: {}\n", blender_version(), recipe.seed) +
+                       values(recipe.simulation) + values(recipe.render),
+           .jobs = command->jobs});
     };
   });
 }

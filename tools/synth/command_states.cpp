@@ -7,6 +7,7 @@
 #include <thread>
 
 #include "base/settings.hpp"
+#include "synth/blender.hpp"
 #include "synth/commands.hpp"
 #include "synth/run_control.hpp"
 #include "synth/states_maker.hpp"
@@ -52,6 +53,9 @@ int run(const Command& command, Make make) {
           ? tshirt_states_by_blender((std::filesystem::path(command.out) / "simulations").string(),
                                      recipe.seed, recipe.simulations, recipe.attempts)
           : simulations_of_folder(command.simulations);
+  const auto settings =
+      (command.simulations.empty() ? "simulator: " + blender_version() + "\n" : "") +
+      values(recipe);
   catch_stop_signals();
   ProgressLine line;
   const auto report = [&](const StatesProgress& p) {
@@ -60,7 +64,7 @@ int run(const Command& command, Make make) {
     line.show(text);
   };
   const auto result =
-      make(*simulations, command.out, recipe, values(recipe), command.jobs, report, stop_requested);
+      make(*simulations, command.out, recipe, settings, command.jobs, report, stop_requested);
   if (result.stopped) {
     line.note("stopped; the same command goes on from here");
     return 130;

@@ -35,7 +35,7 @@ struct SimulationOptions {
 
 /// What is drawn for the views of a simulated garment.
 struct RenderOptions {
-  int views = 2;
+  int views = 3;
   int samples = 2;
   double double_share = 0.08;
   double test_share = 0.15;
@@ -55,7 +55,7 @@ struct RenderOptions {
 /// A garment parts set: with the version of the program it decides every byte.
 struct PartsRecipe {
   int seed = 1;
-  int scenes = 800;
+  int scenes = 1200;
   SimulationOptions simulation;
   RenderOptions render;
 

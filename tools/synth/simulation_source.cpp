@@ -55,10 +55,21 @@ class BlenderSource : public SimulationSource {
                                           "--index",    std::to_string(index),
                                           "--attempts", std::to_string(attempts_)};
     arguments.insert(arguments.end(), options_.begin(), options_.end());
-    if (!run_blender(script_, arguments, stopped)) return std::nullopt;
-    if (fs::exists(file)) return file;
-    if (given_up()) return std::nullopt;
-    throw Error(file + ": Blender ended without an error, but wrote no simulation");
+    // A crash that repeats belongs to this garment; the next one takes its place.
+    for (int crashes = 0; crashes < 2; ++crashes) {
+      const auto end = run_blender(script_, arguments, stopped);
+      if (end == BlenderEnd::kStopped) return std::nullopt;
+      if (fs::exists(file)) return file;
+      if (given_up()) return std::nullopt;
+      if (end == BlenderEnd::kDone)
+        throw Error(file + ": Blender ended without an error, but wrote no simulation");
+    }
+    std::string rejects;
+    for (int attempt = 0; attempt < attempts_; ++attempt)
+      rejects += fmt::format("{{\"seed\": {}, \"index\": {}, \"reason\": \"Blender crashed\"}}\n",
+                             seed_, index);
+    write_text(base.string() + ".rejects.jsonl", rejects);
+    return std::nullopt;
   }
 
  private:

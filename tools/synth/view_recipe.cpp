@@ -51,7 +51,7 @@ void draw_sensors(Random& r, ColourSensor& c, DepthSensor& d) {
   c.bright_level = r.uniform() < 0.85 ? u(0.5, 0.95) : u(0.95, 1.6);
   c.balance = Vec3(u(0.82, 1.2), u(0.92, 1.08), u(0.8, 1.2));
   c.blur_px = r.uniform() < 0.65 ? u(0.35, 0.95) : u(0.8, 1.4);
-  c.noise_grey = u(1.0, 1.9);
+  c.noise_grey = u(1.4, 2.6);
   c.vignetting = r.uniform() < 0.5 ? u(0.0, 0.2) : u(0.2, 0.6);
   c.gamma = u(1.8, 2.4);
   c.contrast = u(0.0, 0.5);
