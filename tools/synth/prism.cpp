@@ -64,9 +64,17 @@ void add_lid(Grid grid, const std::vector<Vec2>& o, float z, bool up, float step
 }
 
 /// Top or bottom of any convex outline: rings about the middle.
-void add_disc(Grid grid, const std::vector<Vec2>& o, float z, bool up, float step) {
+void add_disc(Grid grid, const std::vector<Vec2>& corners, float z, bool up, float step) {
   Vec2 middle = Vec2::Zero();
-  for (const auto& p : o) middle += p / static_cast<float>(o.size());
+  for (const auto& p : corners) middle += p / static_cast<float>(corners.size());
+  std::vector<Vec2> o;
+  for (std::size_t k = 0; k < corners.size(); ++k) {
+    const Vec2 edge = corners[(k + 1) % corners.size()] - corners[k];
+    const int pieces = steps(edge.norm(), step);
+    for (int i = 0; i < pieces; ++i) {
+      o.push_back(corners[k] + edge * (static_cast<float>(i) / static_cast<float>(pieces)));
+    }
+  }
   const int n = static_cast<int>(o.size()), rings = steps((o[0] - middle).norm(), step);
   const int centre = grid.vertex({middle.x(), middle.y(), z}, Vec2::Zero());
   for (int r = 1; r <= rings; ++r) {

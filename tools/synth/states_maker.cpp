@@ -29,7 +29,7 @@ namespace {
 
 using nlohmann::json;
 
-constexpr int kVersion = 1;  // of the recipe: same version and settings, same bytes
+constexpr int kVersion = 2;  // of the recipe: same version and settings, same bytes
 constexpr int kFramesPerSecond = 30;
 constexpr int kMinPixels = 64;       // of an annotated instance
 constexpr int kTestEvery = 4;        // of the simulations of a state

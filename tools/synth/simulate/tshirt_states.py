@@ -204,7 +204,7 @@ def _dragged(mesh, garment, p, fabric, rng):
 
 
 WAYS = {
-    "strip": ("dragged", "thirds", "half", "quarter", "dragged"),
+    "strip": ("thirds", "half", "quarter", "dragged"),
     "fold-2": ("half",),
     "fold-4": ("quarter", "shop-half", "shop-thirds"),
     "fold-s": ("thirds", "quarter", "half", "dragged"),
