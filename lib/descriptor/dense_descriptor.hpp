@@ -83,12 +83,14 @@ struct DescriptorOptions {
   SiftOptions sift;
 
   void visit(OptionVisitor& v) {
-    v.choice("kind", kind, {{"sift", Kind::kSift}}, "which descriptor");
-    v.group("sift", sift);
+    v.choice("kind", kind, {{"sift", Kind::kSift}},
+             "which descriptor; its options are in the group of its name, the only one there is");
+    // A group of another kind would decide nothing, but change the hash of the settings.
+    if (kind == Kind::kSift) v.group("sift", sift);
   }
   void validate() const {
     validate_fields(*this, "DescriptorOptions");
-    sift.validate();
+    if (kind == Kind::kSift) sift.validate();
   }
 };
 

@@ -76,13 +76,20 @@ class Trainer {
         options_(options),
         threads_(threads),
         report_(report),
-        note_(note) {}
+        note_(note),
+        describe_{options.describe} {
+    if (!options.combined) return;
+    describe_.push_back(options.describe);
+    describe_.back().descriptor = options.second;
+    if (options.second.kind == options.describe.descriptor.kind)
+      throw Error("second.kind is describe.descriptor.kind; combine two different descriptors");
+  }
 
   void run();
 
  private:
   void describe_scenes();
-  void make_vocabulary();
+  void make_vocabulary(const bovw::DescribeOptions& describe);
   void make_words();
   void make_shapes();
   void train_scores();
@@ -102,11 +109,11 @@ class Trainer {
   fs::path cached(const std::string& step, std::uint64_t key, const std::string& ending) const {
     return fs::path(work_) / (step + "-" + to_hex(key) + ending);
   }
-  std::uint64_t scene_key(std::uint64_t data_hash) const {
+  std::uint64_t scene_key(std::uint64_t data_hash, const bovw::DescribeOptions& describe) const {
     Hash64 key;
     key.add(static_cast<std::uint64_t>(kRecipe));
     key.add(data_hash);
-    key.add(options_hash(options_.describe));
+    key.add(options_hash(describe));
     key.add(options_hash(options_.augment));
     return key.value();
   }
@@ -122,18 +129,24 @@ class Trainer {
   const int threads_;
   const Report& report_;
   const Note& note_;
+  std::vector<bovw::DescribeOptions> describe_;  // one a descriptor
   std::mutex mutex_;
 
   struct SceneFile {
-    std::string name, simulation, garment, path;
+    std::string name, simulation, garment;
     std::uint64_t data_hash = 0;
     int views = 0;
     int fold = 0;
   };
-  DescribedScene read_described(const SceneFile& file) const {
+  fs::path scene_path(std::uint64_t data_hash, const bovw::DescribeOptions& describe) const {
+    return cached("scene", scene_key(data_hash, describe), ".blob");
+  }
+  DescribedScene read_described(const SceneFile& file,
+                                const bovw::DescribeOptions& describe) const {
     DescribedScene scene;
-    if (!read_scene(file.path, scene_key(file.data_hash), scene)) {
-      throw Error(file.path + " changed while training");
+    const auto path = scene_path(file.data_hash, describe);
+    if (!read_scene(path, scene_key(file.data_hash, describe), scene)) {
+      throw Error(path.string() + " changed while training");
     }
     return scene;
   }
@@ -154,7 +167,7 @@ void Trainer::run() {
   fs::create_directories(work_);
   fs::create_directories(models_);
   describe_scenes();
-  make_vocabulary();
+  for (const auto& describe : describe_) make_vocabulary(describe);
   make_words();
   make_shapes();
   train_scores();
@@ -165,7 +178,13 @@ void Trainer::run() {
 }
 
 void Trainer::describe_scenes() {
-  const auto& names = data_.names();
+  std::vector<std::string> names;
+  std::vector<std::size_t> places;
+  const auto all = data_.names().size();
+  const auto wanted =
+      options_.max_scenes > 0 ? std::min(all, static_cast<std::size_t>(options_.max_scenes)) : all;
+  for (std::size_t i = 0; i < wanted; ++i) places.push_back(i * all / wanted);
+  for (const auto place : places) names.push_back(data_.names()[place]);
   const int count = static_cast<int>(names.size());
   std::vector<SceneFile> found(names.size());
   std::vector<char> used(names.size(), 0), has_split(names.size(), 0), in_train(names.size(), 0);
@@ -174,22 +193,23 @@ void Trainer::describe_scenes() {
   for_each(count, threads_, [&](int i) {
     const auto at = static_cast<std::size_t>(i);
     try {
-      const auto scene = data_.read(at);
+      const auto scene = data_.read(places[at]);
       has_split[at] = !scene.split.empty();
       in_train[at] = scene.split == "train";
       // Pictures of several garments are in neither subset of the paper (section 5.1).
       if ((scene.split.empty() || scene.split == "train") && scene.single) {
-        const auto key = scene_key(hash_scene(scene));
-        const auto path = cached("scene", key, ".blob").string();
+        const auto data_hash = hash_scene(scene);
         DescribedScene described;
-        if (!read_scene(path, key, described)) {
-          described = describe_scene(scene, options_.describe, options_.augment);
+        for (const auto& describe : describe_) {
+          const auto path = scene_path(data_hash, describe).string();
+          const auto key = scene_key(data_hash, describe);
+          if (read_scene(path, key, described)) continue;
+          described = describe_scene(scene, describe, options_.augment);
           write_scene(path, key, described);
         }
         found[at] = {described.name,
                      described.simulation,
                      described.garment,
-                     path,
                      described.data_hash,
                      static_cast<int>(described.views.size()),
                      0};
@@ -220,20 +240,21 @@ void Trainer::describe_scenes() {
   for (std::size_t i = 0; i < scenes_.size(); ++i) scenes_[i].fold = folds[i];
 }
 
-void Trainer::make_vocabulary() {
+void Trainer::make_vocabulary(const bovw::DescribeOptions& describe) {
   Hash64 key;
-  key.add(scene_key(data_hash_));
+  key.add(scene_key(data_hash_, describe));
   key.add(options_hash(options_.kmeans));
   key.add(static_cast<std::uint64_t>(options_.descriptors_per_view));
   key.add(static_cast<std::uint64_t>(options_.seed));
+  const auto path = cached("vocabulary", key.value(), ".blob").string();
+  key.add(words_key_);
   words_key_ = key.value();
-  const auto path = cached("vocabulary", words_key_, ".blob").string();
   if (!fs::exists(path)) {
     std::vector<std::uint8_t> samples;
-    const auto descriptor = descriptor::make_descriptor(options_.describe.descriptor);
+    const auto descriptor = descriptor::make_descriptor(describe.descriptor);
     Random random(static_cast<std::uint64_t>(options_.seed));
     for (std::size_t i = 0; i < scenes_.size(); ++i) {
-      const auto scene = read_described(scenes_[i]);
+      const auto scene = read_described(scenes_[i], describe);
       for (const auto& view : scene.views) {
         bovw::sample_descriptors(view.described.field, options_.descriptors_per_view, random,
                                  samples);
@@ -245,7 +266,7 @@ void Trainer::make_vocabulary() {
         bovw::train_kmeans(samples, descriptor->dimension(), options_.kmeans, threads_);
     report_("k-means", 1, 1);
     bovw::Vocabulary(descriptor->name(), descriptor->dimension(), result.centres,
-                     options_hash(options_.describe), options_to_yaml(options_.describe))
+                     options_hash(describe), options_to_yaml(describe))
         .write(path);
   }
   vocabularies_.push_back(bovw::Vocabulary::read(path));
@@ -257,28 +278,31 @@ void Trainer::make_words() {
     first[i + 1] = first[i] + static_cast<std::size_t>(scenes_[i].views);
   }
   views_.resize(first.back());
-  const auto& vocabulary = vocabularies_.front();
   std::atomic<int> done{0};
   for_each(static_cast<int>(scenes_.size()), threads_, [&](int i) {
     const auto at = static_cast<std::size_t>(i);
-    auto scene = read_described(scenes_[at]);
-    for (std::size_t v = 0; v < scene.views.size(); ++v) {
-      auto& view = views_[first[at] + v];
-      view.grids.push_back(
-          bovw::quantise(scene.views[v].described, vocabulary.descriptor(), vocabulary, 1));
-      view.parts = std::move(scene.views[v].parts);
-      for (auto& part : view.parts) {
-        part.ignore = part.ignore || part.visible_share < options_.min_visible;
+    for (std::size_t d = 0; d < describe_.size(); ++d) {
+      auto scene = read_described(scenes_[at], describe_[d]);
+      for (std::size_t v = 0; v < scene.views.size(); ++v) {
+        auto& view = views_[first[at] + v];
+        view.grids.push_back(bovw::quantise(scene.views[v].described, vocabularies_[d].descriptor(),
+                                            vocabularies_[d], 1));
+        view.parts = std::move(scene.views[v].parts);
+        for (auto& part : view.parts) {
+          part.ignore = part.ignore || part.visible_share < options_.min_visible;
+        }
+        view.fold = scenes_[at].fold;
       }
-      view.fold = scenes_[at].fold;
     }
     step_done("words", done, static_cast<int>(scenes_.size()));
   });
   for (auto& view : views_) {
     for (const auto& grid : view.grids) view.pointers.push_back(&grid);
   }
-  score_model_.blocks = {
-      {vocabulary.descriptor(), vocabulary.hash(), vocabulary.words(), options_.context}};
+  for (const auto& vocabulary : vocabularies_) {
+    score_model_.blocks.push_back(
+        {vocabulary.descriptor(), vocabulary.hash(), vocabulary.words(), options_.context});
+  }
 }
 
 void Trainer::make_shapes() {

@@ -70,11 +70,14 @@ struct PriorTraining {
 
 struct TrainOptions {
   bovw::DescribeOptions describe;
+  bool combined = false;
+  descriptor::DescriptorOptions second;
   AugmentOptions augment;
   bovw::KMeansOptions kmeans;
   int descriptors_per_view = 200;
   int folds = 5;
   int seed = 1;
+  int max_scenes = 0;
   double max_negative_overlap = 0.5;
   bool negatives_inside = false;
   bool context = true;
@@ -87,12 +90,18 @@ struct TrainOptions {
 
   void visit(OptionVisitor& v) {
     v.group("describe", describe);
+    v.field("combined", combined,
+            "with the words of a second descriptor, given like describe.descriptor in a group "
+            "`second`: two histograms side by side, as in section 5.1");
+    if (combined) v.group("second", second);
     v.group("augment", augment);
     v.group("kmeans", kmeans);
     v.field("descriptors_per_view", descriptors_per_view, {1, 100000}, "",
             "drawn for the vocabulary");
     v.field("folds", folds, {2, 20}, "", "of cross-validation, by simulation");
     v.field("seed", seed, {0, 1 << 30}, "", "of all random draws but k-means'");
+    v.field("max_scenes", max_scenes, {0, 1000000}, "",
+            "trained from, evenly spread over the dataset's; 0: all. For slow descriptors");
     v.field("max_negative_overlap", max_negative_overlap, {0.0, 1.0}, "",
             "Jaccard index of a negative window with the part's boxes at most; section 3.2: 0.5");
     v.field("negatives_inside", negatives_inside,
@@ -112,6 +121,7 @@ struct TrainOptions {
   void validate() const {
     validate_fields(*this, "TrainOptions");
     describe.validate();
+    if (combined) second.validate();
     augment.validate();
     search.validate();
     windows.validate();
