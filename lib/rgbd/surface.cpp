@@ -32,14 +32,17 @@ double interpolate_depth_m(const RgbdFrame& frame, double u, double v) {
   return (a * (1.0 - s) + b * s) * (1.0 - t) + (c * (1.0 - s) + d * s) * t;
 }
 
-/// Rows: the view's axes in the camera frame.
-Eigen::Matrix3d view_from_camera(const Plane& table) {
-  const Eigen::Vector3d& n = table.normal;
-  const Eigen::Vector3d x = (Eigen::Vector3d::UnitX() - n.x() * n).normalized();
-  const Eigen::Vector3d y(x.y() * n.z() - x.z() * n.y(), x.z() * n.x() - x.x() * n.z(),
-                          x.x() * n.y() - x.y() * n.x());
+/// Rows: the view's axes in the camera frame. Views may be turned and mirrored within the table
+/// plane, so the axes are those of their pixels, not the camera's.
+Eigen::Matrix3d view_from_camera(const View& view) {
+  const auto axis = [&](int column) -> Eigen::Vector3d {
+    const CameraModel& c = view.sensor;
+    const Eigen::Vector3d h = view.sensor_from_view.col(column);
+    return Eigen::Vector3d((h.x() - c.cx * h.z()) / c.fx, (h.y() - c.cy * h.z()) / c.fy, h.z())
+        .normalized();
+  };
   Eigen::Matrix3d rotation;
-  rotation << x.transpose(), y.transpose(), -n.transpose();
+  rotation << axis(0).transpose(), axis(1).transpose(), -view.table.normal.transpose();
   return rotation;
 }
 
@@ -52,8 +55,7 @@ Surface render_surface(const RgbdFrame& frame, const View& view) {
     throw Error("a surface needs 16 bit depth of the camera's size");
   if (view.width < 1 || view.height < 1) throw Error("the view is empty");
   const bool rectified = view.kind == View::Kind::kRectified;
-  const Eigen::Matrix3d rotation =
-      rectified ? view_from_camera(view.table) : Eigen::Matrix3d::Identity();
+  const Eigen::Matrix3d rotation = rectified ? view_from_camera(view) : Eigen::Matrix3d::Identity();
   const Eigen::Matrix3d& h = view.sensor_from_view;
   Surface surface;
   surface.points_m.create(view.height, view.width, CV_32FC3);

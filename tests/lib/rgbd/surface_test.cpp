@@ -92,6 +92,29 @@ TEST(Surface, OfATableInTheRectifiedViewIsAPlaneOfTheViewsScale) {
   EXPECT_GT(valid, view.width * view.height * 9 / 10);
 }
 
+TEST(Surface, FollowsAViewThatIsTurnedAndMirrored) {
+  const Plane table = tilted_table();
+  const RgbdFrame frame = table_scene(table);
+  View view = make_view(frame, middle_mask(), &table, {});
+  Eigen::Matrix3d turn;  // old px from new px: mirrored, then turned by 40 degrees about a point
+  const double c = std::cos(0.7), s = std::sin(0.7);
+  turn << -c, -s, 90.0, -s, c, 60.0, 0, 0, 1;
+  view.sensor_from_view *= turn;
+  const auto surface = render_surface(frame, view);
+  int pairs = 0;
+  for (int y = 0; y + 10 < view.height; y += 5)
+    for (int x = 0; x + 10 < view.width; x += 5) {
+      const auto& p = surface.points_m.at<cv::Vec3f>(y, x);
+      const auto& q = surface.points_m.at<cv::Vec3f>(y + 10, x + 10);
+      if (missing(p) || missing(q)) continue;
+      ++pairs;
+      for (int axis = 0; axis < 2; ++axis)
+        ASSERT_NEAR(q[axis] - p[axis], 10.0 / view.scale_px_per_m, 3e-4);
+      ASSERT_NEAR(p[2], 0.9, 2e-4);
+    }
+  EXPECT_GT(pairs, 50);
+}
+
 TEST(Surface, KeepsDistancesBetweenPointsWhenRectified) {
   // A bump on the table: the same sensor pixel's point, turned only.
   const Plane table = tilted_table();
