@@ -16,6 +16,9 @@ namespace {
 constexpr std::uint32_t kSync = 0xEDA1DA01u;
 constexpr std::int64_t kHeaderBytes = 28;
 constexpr std::size_t kMaxChannel = 63;
+/// An event of more is only read when its length is sound: a flipped bit in a length must not cost
+/// the memory or the events it seems to span.
+constexpr std::int64_t kSmallEvent = 1 << 20;
 
 std::uint64_t big_endian(const std::uint8_t* from, int bytes) {
   std::uint64_t value = 0;
@@ -31,14 +34,6 @@ std::string reason() { return std::strerror(errno); }
 
 }  // namespace
 
-struct LogReader::Header {
-  std::int64_t number = 0;
-  std::int64_t timestamp_us = 0;
-  std::int64_t data_bytes = 0;
-  std::string channel;
-  std::int64_t end = 0;  // offset of the event after this one; may lie beyond the end of the file
-};
-
 LogReader::LogReader(const std::string& path)
     : path_(path), file_(std::fopen(path.c_str(), "rb"), &std::fclose) {
   struct stat info {};
@@ -47,12 +42,14 @@ LogReader::LogReader(const std::string& path)
   if (!S_ISREG(info.st_mode)) throw Error(path + ": is not a file");
   size_ = info.st_size;
   std::int64_t first = 0;
-  if (size_ > 0 && !find_sync(0, first)) throw Error(path + ": holds no LCM event; is it a log?");
+  if (size_ > 0 && !find_event(0, size_, false, first))
+    throw Error(path + ": holds no LCM event; is it a log?");
 }
 
 void LogReader::rewind() {
   offset_ = 0;
   damage_.clear();
+  damage_count_ = damaged_bytes_ = 0;
 }
 
 bool LogReader::read_at(std::int64_t offset, void* to, std::size_t size) {
@@ -63,6 +60,10 @@ bool LogReader::read_at(std::int64_t offset, void* to, std::size_t size) {
 }
 
 bool LogReader::read_header(std::int64_t offset, Header& header) {
+  if (offset == newest_at_) {
+    header = newest_;
+    return true;
+  }
   std::array<std::uint8_t, kHeaderBytes> raw{};
   if (offset + kHeaderBytes > size_ || !read_at(offset, raw.data(), raw.size())) return false;
   const auto channel_bytes = big_endian(&raw[20], 4);
@@ -77,29 +78,46 @@ bool LogReader::read_header(std::int64_t offset, Header& header) {
   if (!read_at(offset + kHeaderBytes, header.channel.data(), channel_bytes)) return false;
   for (const char c : header.channel)
     if (c < ' ' || c > '~') return false;
+  newest_ = header;
+  newest_at_ = offset;
   return true;
 }
 
-bool LogReader::find_sync(std::int64_t from, std::int64_t& found) {
+bool LogReader::leads_on(std::int64_t end) {
+  Header header;
+  return end == size_ || read_header(end, header);
+}
+
+bool LogReader::find_event(std::int64_t from, std::int64_t until, bool followed,
+                           std::int64_t& found) {
+  constexpr std::array<std::uint8_t, 4> kSyncBytes{0xED, 0xA1, 0xDA, 0x01};
   std::array<std::uint8_t, 1 << 16> chunk{};
-  std::uint32_t window = 0;
-  std::int64_t offset = from;
-  while (offset < size_) {
-    const auto count =
-        static_cast<std::size_t>(std::min<std::int64_t>(chunk.size(), size_ - offset));
+  const auto end = std::min(size_, until + 3);  // a sync word may begin right before
+  for (std::int64_t offset = from; offset + 4 <= end;) {
+    const auto count = static_cast<std::size_t>(std::min<std::int64_t>(chunk.size(), end - offset));
     if (!read_at(offset, chunk.data(), count)) return false;
-    for (std::size_t i = 0; i < count; ++i) {
-      window = window << 8 | chunk[i];
-      const std::int64_t begin = offset + static_cast<std::int64_t>(i) - 3;
+    for (std::size_t at = 0;; ++at) {
+      const void* hit = memmem(&chunk[at], count - at, kSyncBytes.data(), kSyncBytes.size());
+      if (!hit) break;
+      at = static_cast<std::size_t>(static_cast<const std::uint8_t*>(hit) - chunk.data());
+      const auto begin = offset + static_cast<std::int64_t>(at);
       Header header;
-      if (window == kSync && begin >= from && read_header(begin, header) && header.end <= size_) {
+      if (read_header(begin, header) && header.end <= size_ &&
+          (!followed || leads_on(header.end))) {
         found = begin;
         return true;
       }
     }
-    offset += static_cast<std::int64_t>(count);
+    offset += static_cast<std::int64_t>(count) - 3;  // a sync word may lie across
   }
   return false;
+}
+
+void LogReader::skip_to(std::int64_t offset, std::string what) {
+  ++damage_count_;
+  damaged_bytes_ += offset - offset_;
+  if (damage_.size() < kMaxDamages) damage_.push_back({offset_, offset - offset_, std::move(what)});
+  offset_ = offset;
 }
 
 bool LogReader::next(LogEvent& event) {
@@ -107,25 +125,36 @@ bool LogReader::next(LogEvent& event) {
     Header header;
     const bool sound = read_header(offset_, header);
     if (sound && header.end <= size_) {
+      // Small events are read first, so that a healthy log is read from front to back.
+      const bool small = header.data_bytes <= kSmallEvent;
+      if (small) read_data(header, event);
+      event.followed = leads_on(header.end);
+      std::int64_t inner = 0;
+      if (!event.followed && find_event(offset_ + 1, header.end, true, inner)) {
+        skip_to(inner, "an event whose length runs over those after it");
+        continue;
+      }
+      if (!small) read_data(header, event);
       event.number = header.number;
       event.timestamp_us = header.timestamp_us;
-      event.data.resize(static_cast<std::size_t>(header.data_bytes));
-      if (!read_at(header.end - header.data_bytes, event.data.data(), event.data.size()))
-        throw Error(path_ + ": cannot read at byte " + std::to_string(offset_) + ": " + reason());
       event.channel = std::move(header.channel);
       offset_ = header.end;
       return true;
     }
     std::int64_t resume = size_;
-    const bool resumed = find_sync(offset_ + 1, resume);
-    damage_.push_back({offset_, resume - offset_,
-                       resumed ? (sound ? "an event longer than the rest of the file"
-                                        : "bad sync word or event header")
-                               : (sound ? "the last event is cut off"
-                                        : "the end of the file holds no whole event")});
-    offset_ = resume;
+    const bool resumed = find_event(offset_ + 1, size_, false, resume);
+    skip_to(resume, resumed ? (sound ? "an event longer than the rest of the file"
+                                     : "bad sync word or event header")
+                            : (sound ? "the last event is cut off"
+                                     : "the end of the file holds no whole event"));
   }
   return false;
+}
+
+void LogReader::read_data(const Header& header, LogEvent& event) {
+  event.data.resize(static_cast<std::size_t>(header.data_bytes));
+  if (!read_at(header.end - header.data_bytes, event.data.data(), event.data.size()))
+    throw Error(path_ + ": cannot read at byte " + std::to_string(offset_) + ": " + reason());
 }
 
 LogWriter::LogWriter(const std::string& path) : path_(path), file_(std::fopen(path.c_str(), "wb")) {

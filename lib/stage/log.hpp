@@ -15,6 +15,9 @@ struct LogEvent {
   std::int64_t timestamp_us = 0;
   std::string channel;
   std::vector<std::uint8_t> data;
+  /// Another event or the end of the file comes right after this one. If not, either what follows
+  /// is damaged, or the length of this event is.
+  bool followed = true;
 };
 
 class LogReader {
@@ -33,21 +36,39 @@ class LogReader {
   void rewind();
   /// Back to where offset() was before an event.
   void seek(std::int64_t offset) { offset_ = offset; }
+  /// What was skipped, of more than kMaxDamages the first.
   const std::vector<Damage>& damage() const { return damage_; }
+  static constexpr std::size_t kMaxDamages = 1000;
+  std::int64_t damage_count() const { return damage_count_; }
+  std::int64_t damaged_bytes() const { return damaged_bytes_; }
   std::int64_t offset() const { return offset_; }  // of the next event; with size(): progress
   std::int64_t size() const { return size_; }
 
  private:
-  struct Header;
+  struct Header {
+    std::int64_t number = 0;
+    std::int64_t timestamp_us = 0;
+    std::int64_t data_bytes = 0;
+    std::string channel;
+    std::int64_t end = 0;  // offset of the event after this one; may lie beyond the file's end
+  };
   bool read_header(std::int64_t offset, Header& header);
-  bool find_sync(std::int64_t from, std::int64_t& found);
+  /// The first event that begins in [from, until); followed: only those that lead to another.
+  bool find_event(std::int64_t from, std::int64_t until, bool followed, std::int64_t& found);
+  bool leads_on(std::int64_t end);
+  void read_data(const Header& header, LogEvent& event);
+  void skip_to(std::int64_t offset, std::string what);
   bool read_at(std::int64_t offset, void* to, std::size_t size);
 
   std::string path_;
   std::unique_ptr<std::FILE, int (*)(std::FILE*)> file_;
   std::int64_t offset_ = 0;
   std::int64_t size_ = 0;
+  Header newest_;  // header that was read last, and where
+  std::int64_t newest_at_ = -1;
   std::vector<Damage> damage_;
+  std::int64_t damage_count_ = 0;
+  std::int64_t damaged_bytes_ = 0;
 };
 
 /// Writes the same bytes for the same events: timestamps are the caller's and events are numbered

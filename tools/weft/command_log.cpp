@@ -2,17 +2,15 @@
 
 #include <algorithm>
 #include <cstdio>
-#include <limits>
-#include <map>
 #include <nlohmann/json.hpp>
-#include <set>
 
 #include "base/error.hpp"
 #include "stage/log.hpp"
 #include "stage/telemetry.hpp"
 #include "tools/weft/commands.hpp"
-#include "tools/weft/frame_name.hpp"
+#include "tools/weft/log_tools.hpp"
 #include "tools/weft/message.hpp"
+#include "tools/weft/message_types.hpp"
 #include "tools/weft/page.hpp"
 #include "tools/weft/replay.hpp"
 #include "tools/weft/text_file.hpp"
@@ -26,6 +24,71 @@ void print_damage(const std::string& file, const stage::LogReader& log) {
   for (const auto& damage : log.damage())
     fmt::print(stderr, "{}: {} bytes skipped at byte {}: {}\n", file, damage.bytes, damage.offset,
                damage.what);
+}
+
+const MessageTypes& types_with(const std::string& folder) {
+  static MessageTypes types = MessageTypes::built_in();
+  if (!folder.empty()) types.add_folder(folder);
+  return types;
+}
+
+void print_channels(const LogSurvey& survey) {
+  fmt::print("{:<28} {:<20} {:>9} {:>8} {:>8} {:>10} {:>10} {:>7}\n", "channel", "type", "messages",
+             "frames", "missing", "mean bytes", "largest", "not OK");
+  for (const auto& [name, channel] : survey.channels) {
+    fmt::print("{:<28} {:<20} {:>9} {:>8} {:>8} {:>10} {:>10} {:>7}\n", name,
+               channel.type.empty() ? "?" : channel.type, channel.messages, channel.frames,
+               channel.missing, channel.bytes / channel.messages, channel.largest, channel.not_ok);
+  }
+  fmt::print("\n");
+  for (const auto& [key, range] : survey.sessions)
+    fmt::print("camera {}, session {}: frames {} to {}\n", key.first, key.second, range.first,
+               range.second);
+}
+
+nlohmann::ordered_json to_json(const LogSurvey& survey) {
+  nlohmann::ordered_json json{{"events", survey.events},
+                              {"bytes", survey.bytes},
+                              {"seconds", survey.seconds()},
+                              {"healthy", survey.healthy()},
+                              {"problems_found", survey.problem_count},
+                              {"skipped_bytes", survey.skipped_bytes},
+                              {"faulty_events", survey.faulty_events},
+                              {"backward_steps", survey.backward_steps},
+                              {"number_jumps", survey.number_jumps}};
+  json["channels"] = nlohmann::ordered_json::object();
+  for (const auto& [name, channel] : survey.channels)
+    json["channels"][name] = {{"type", channel.type},     {"messages", channel.messages},
+                              {"frames", channel.frames}, {"missing", channel.missing},
+                              {"bytes", channel.bytes},   {"largest", channel.largest},
+                              {"not_ok", channel.not_ok}};
+  json["sessions"] = nlohmann::ordered_json::array();
+  for (const auto& [key, range] : survey.sessions)
+    json["sessions"].push_back({{"camera", key.first},
+                                {"session", key.second},
+                                {"first", range.first},
+                                {"last", range.second}});
+  json["problems"] = nlohmann::ordered_json::array();
+  for (const auto& problem : survey.problems)
+    json["problems"].push_back(
+        {{"byte", problem.offset}, {"bytes", problem.bytes}, {"what", problem.what}});
+  return json;
+}
+
+std::string summary(const std::string& file, const LogSurvey& survey) {
+  return fmt::format("{}: {} events, {:.1f} MB, {:.1f} s", file, survey.events,
+                     static_cast<double>(survey.bytes) / 1e6, survey.seconds());
+}
+
+int print_copy(const std::string& out, const CopyCounts& counts) {
+  for (const auto& damage : counts.damage)
+    fmt::print(stderr, "skipped {} bytes at byte {}: {}\n", damage.bytes, damage.offset,
+               damage.what);
+  fmt::print("{}: {} of {} events", out, counts.written, counts.read);
+  if (counts.left_out_faulty > 0) fmt::print(", {} faulty ones left out", counts.left_out_faulty);
+  if (counts.copies > 0) fmt::print(", {} copies left out", counts.copies);
+  fmt::print("\n");
+  return 0;
 }
 
 }  // namespace
@@ -60,72 +123,65 @@ int timing_command(const std::string& file, const std::string& json, const std::
   return log.damage().empty() && undecodable == 0 ? 0 : 1;
 }
 
-int log_info_command(const std::string& file, const std::string& json_file) {
-  struct Channel {
-    std::size_t messages = 0, bytes = 0, largest = 0;
-    std::set<FrameName> frames;
-    std::map<int, std::size_t> status;
-  };
-  std::map<std::string, Channel> channels;
-  std::map<std::pair<std::string, std::int64_t>, std::pair<std::int64_t, std::int64_t>> sessions;
-  std::int64_t first = std::numeric_limits<std::int64_t>::max();
-  std::int64_t last = std::numeric_limits<std::int64_t>::min();
-  stage::LogReader log(file);
-  stage::LogEvent event;
-  std::size_t count = 0;
-  while (log.next(event)) {
-    ++count;
-    first = std::min(first, event.timestamp_us);
-    last = std::max(last, event.timestamp_us);
-    auto& channel = channels[event.channel];
-    ++channel.messages;
-    channel.bytes += event.data.size();
-    channel.largest = std::max(channel.largest, event.data.size());
-    if (event.channel == stage::kTimingChannel || event.channel == stage::kStatusChannel) continue;
-    const auto header = read_frame_header(event.data);
-    if (!header) continue;
-    channel.frames.insert(header->frame);
-    ++channel.status[header->status_code];
-    const auto& [camera, session, seq] = header->frame;
-    auto [at, is_new] = sessions.try_emplace({camera, session}, seq, seq);
-    at->second.first = std::min(at->second.first, seq);
-    at->second.second = std::max(at->second.second, seq);
+int log_info_command(const std::string& file, const std::string& json_file,
+                     const std::string& types) {
+  const auto survey = survey_log(file, types_with(types));
+  fmt::print("{}\n\n", summary(file, survey));
+  print_channels(survey);
+  if (!survey.healthy())
+    fmt::print("damaged: {} problems; weft log check lists them\n", survey.problem_count);
+  if (!json_file.empty()) write_text_file(json_file, to_json(survey).dump(2) + "\n");
+  return survey.healthy() ? 0 : 1;
+}
+
+int log_check_command(const std::string& file, const std::string& json_file,
+                      const std::string& types) {
+  constexpr std::size_t kShown = 50;
+  const auto survey = survey_log(file, types_with(types));
+  for (std::size_t i = 0; i < std::min(kShown, survey.problems.size()); ++i) {
+    const auto& problem = survey.problems[i];
+    fmt::print("byte {}: {} bytes: {}\n", problem.offset, problem.bytes, problem.what);
   }
-  const double seconds = count > 0 ? static_cast<double>(last - first) * 1e-6 : 0;
-  nlohmann::ordered_json json{{"events", count}, {"bytes", log.size()}, {"seconds", seconds}};
-  fmt::print("{}: {} events, {:.1f} MB, {:.1f} s\n\n", file, count,
-             static_cast<double>(log.size()) / 1e6, seconds);
-  fmt::print("{:<28} {:>9} {:>8} {:>10} {:>10}  {}\n", "channel", "messages", "frames",
-             "mean bytes", "largest", "not OK");
-  json["channels"] = nlohmann::ordered_json::object();
-  for (const auto& [name, channel] : channels) {
-    std::size_t not_ok = 0;
-    for (const auto& [code, n] : channel.status) not_ok += code == 0 ? 0 : n;
-    fmt::print("{:<28} {:>9} {:>8} {:>10} {:>10}  {}\n", name, channel.messages,
-               channel.frames.size(), channel.bytes / channel.messages, channel.largest, not_ok);
-    json["channels"][name] = {{"messages", channel.messages},
-                              {"frames", channel.frames.size()},
-                              {"bytes", channel.bytes},
-                              {"largest", channel.largest},
-                              {"not_ok", not_ok}};
+  if (survey.problem_count > static_cast<std::int64_t>(kShown))
+    fmt::print("and {} more\n", survey.problem_count - static_cast<std::int64_t>(kShown));
+  std::int64_t missing = 0;
+  for (const auto& [name, channel] : survey.channels) {
+    if (channel.missing > 0)
+      fmt::print("{}: {} of {} frames are not there\n", name, channel.missing,
+                 channel.missing + channel.frames);
+    missing += channel.missing;
   }
-  fmt::print("\n");
-  json["sessions"] = nlohmann::ordered_json::array();
-  for (const auto& [key, range] : sessions) {
-    fmt::print("camera {}, session {}: frames {} to {}\n", key.first, key.second, range.first,
-               range.second);
-    json["sessions"].push_back({{"camera", key.first},
-                                {"session", key.second},
-                                {"first", range.first},
-                                {"last", range.second}});
-  }
-  json["damage"] = nlohmann::ordered_json::array();
-  for (const auto& damage : log.damage())
-    json["damage"].push_back(
-        {{"byte", damage.offset}, {"skipped", damage.bytes}, {"what", damage.what}});
-  print_damage(file, log);
-  if (!json_file.empty()) write_text_file(json_file, json.dump(2) + "\n");
-  return log.damage().empty() ? 0 : 1;
+  if (survey.backward_steps > 0)
+    fmt::print("time goes back {} times from one event to the next\n", survey.backward_steps);
+  if (survey.number_jumps > 0)
+    fmt::print("the numbering of events jumps {} times: the log was filtered, or lost some\n",
+               survey.number_jumps);
+  fmt::print("{}; {}\n", summary(file, survey),
+             survey.healthy()
+                 ? missing == 0 ? "healthy" : "healthy, with gaps"
+                 : fmt::format("{} problems: {} bytes belong to no event, {} events "
+                               "cannot be trusted; weft log repair keeps the rest",
+                               survey.problem_count, survey.skipped_bytes, survey.faulty_events));
+  if (!json_file.empty()) write_text_file(json_file, to_json(survey).dump(2) + "\n");
+  return survey.healthy() ? 0 : 1;
+}
+
+int log_repair_command(const std::string& file, const std::string& out, const std::string& types) {
+  return print_copy(out, repair_log(file, out, types_with(types)));
+}
+
+int log_filter_command(const std::string& file, const std::string& out, const LogFilter& filter) {
+  return print_copy(out, filter_log(file, out, filter));
+}
+
+int log_cut_command(const std::string& file, const std::string& out, const LogRange& range) {
+  if (!range.has_frames() && !range.has_times())
+    throw Error("say what to cut out: --from-s, --to-s, --from-frame, --to-frame");
+  return print_copy(out, cut_log(file, out, range));
+}
+
+int log_splice_command(const std::vector<std::string>& files, const std::string& out) {
+  return print_copy(out, splice_logs(files, out));
 }
 
 int log_hash_command(const std::string& file) {

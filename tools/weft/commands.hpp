@@ -3,6 +3,7 @@
 #include <string>
 #include <vector>
 
+#include "tools/weft/log_tools.hpp"
 #include "tools/weft/session.hpp"
 
 /// The subcommands of weft. Each returns the exit status: 0 only when all was well.
@@ -52,7 +53,13 @@ struct DemoCommand {
 int demo_command(const DemoCommand& command, const StageRegistry& registry);
 
 int timing_command(const std::string& log, const std::string& json, const std::string& html);
-int log_info_command(const std::string& log, const std::string& json);
+/// types: folder of .lcm files besides the built-in ones; empty: none.
+int log_info_command(const std::string& log, const std::string& json, const std::string& types);
+int log_check_command(const std::string& log, const std::string& json, const std::string& types);
+int log_repair_command(const std::string& log, const std::string& out, const std::string& types);
+int log_filter_command(const std::string& log, const std::string& out, const LogFilter& filter);
+int log_cut_command(const std::string& log, const std::string& out, const LogRange& range);
+int log_splice_command(const std::vector<std::string>& logs, const std::string& out);
 int log_hash_command(const std::string& log);
 
 /// Stages this program was built with.

@@ -42,6 +42,14 @@ std::optional<FrameHeader> read_frame_header(const std::vector<std::uint8_t>& me
                      status.text};
 }
 
+std::optional<FrameName> read_frame_name(const std::vector<std::uint8_t>& message) {
+  weft::header_t header;
+  if (decode_nested(header, message, kFingerprintSize) < 0 || header.camera.empty() ||
+      header.seq < 0)
+    return std::nullopt;
+  return FrameName{header.camera, header.session, header.seq};
+}
+
 std::vector<std::uint8_t> rename_frame(const std::vector<std::uint8_t>& message, std::int64_t seq,
                                        std::int64_t utime) {
   weft::header_t header;

@@ -27,6 +27,10 @@ struct FrameHeader {
 /// and STAGE_STATUS have no status_t: read those as what they are.
 std::optional<FrameHeader> read_frame_header(const std::vector<std::uint8_t>& message);
 
+/// The frame of any message that begins with a header_t and names a camera, STAGE_TIMING included;
+/// nullopt for STAGE_STATUS, which is about no frame.
+std::optional<FrameName> read_frame_name(const std::vector<std::uint8_t>& message);
+
 /// The same message under another seq and time. Throws Error when it has no header.
 std::vector<std::uint8_t> rename_frame(const std::vector<std::uint8_t>& message, std::int64_t seq,
                                        std::int64_t utime);

@@ -169,17 +169,60 @@ int run(int argc, char** argv) {
   sub->add_option("--html", html, "write a page with the timeline to this file");
   sub->callback([&] { chosen = [&] { return timing_command(log, json, html); }; });
 
-  auto* log_command = app.add_subcommand("log", "look into a log");
+  std::string types, out;
+  std::vector<std::string> inputs;
+  LogFilter filter;
+  LogRange range;
+  auto* log_command = app.add_subcommand("log", "look into logs, mend and cut them");
   log_command->require_subcommand(1);
-  sub = log_command->add_subcommand("info", "channels, frames, sizes and damage");
-  sub->add_option("log", log)->required();
+  const auto add_log_command = [&](const char* name, const char* summary) {
+    auto* command = log_command->add_subcommand(name, summary);
+    command->add_option("log", log)->required();
+    return command;
+  };
+  const auto add_types = [&](CLI::App* command) {
+    command->add_option("--types", types, "folder of .lcm files of your own message types");
+  };
+  const auto add_out = [&](CLI::App* command) {
+    command->add_option("--out", out, "log to write")->required();
+  };
+  const auto add_range = [](CLI::App* command, LogRange& of) {
+    command->add_option("--from-s", of.from_s, "first second, from the log's beginning");
+    command->add_option("--to-s", of.to_s, "where to end, s from the log's beginning");
+    command->add_option("--from-frame", of.from_frame, "first frame (seq)");
+    command->add_option("--to-frame", of.to_frame, "last frame (seq)");
+  };
+  sub = add_log_command("info", "channels, types, frames, sizes");
   sub->add_option("--json", json, "write it to this file");
-  sub->callback([&] { chosen = [&] { return log_info_command(log, json); }; });
-
+  add_types(sub);
+  sub->callback([&] { chosen = [&] { return log_info_command(log, json, types); }; });
+  sub = add_log_command("check", "every damage, fault and gap; status 1 when something is damaged");
+  sub->add_option("--json", json, "write it to this file");
+  add_types(sub);
+  sub->callback([&] { chosen = [&] { return log_check_command(log, json, types); }; });
+  sub = add_log_command("repair", "copy every event that can be trusted");
+  add_out(sub);
+  add_types(sub);
+  sub->callback([&] { chosen = [&] { return log_repair_command(log, out, types); }; });
+  sub = add_log_command("filter", "copy some channels, or one camera");
+  add_out(sub);
+  sub->add_option("--channel", filter.channels,
+                  "regular expression of a whole channel name; may be repeated; default: all");
+  sub->add_option("--without", filter.without, "channels to leave out; may be repeated");
+  sub->add_option("--camera", filter.camera, "leave out messages about other cameras' frames");
+  sub->callback([&] { chosen = [&] { return log_filter_command(log, out, filter); }; });
+  sub = add_log_command("cut", "copy a piece, by time or by frames");
+  add_out(sub);
+  add_range(sub, range);
+  sub->callback([&] { chosen = [&] { return log_cut_command(log, out, range); }; });
   sub = log_command->add_subcommand(
+      "splice", "one log from several, in order of time, what two of them hold only once");
+  sub->add_option("logs", inputs)->required();
+  add_out(sub);
+  sub->callback([&] { chosen = [&] { return log_splice_command(inputs, out); }; });
+  sub = add_log_command(
       "hash",
       "a line for each payload (seq, channel, hash): what two equal replays have in common");
-  sub->add_option("log", log)->required();
   sub->callback([&] { chosen = [&] { return log_hash_command(log); }; });
 
   std::string programs;
