@@ -1,6 +1,7 @@
 #include "rgbd/surface.hpp"
 
 #include <Eigen/Core>
+#include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -46,6 +47,18 @@ Eigen::Matrix3d view_from_camera(const View& view) {
   return rotation;
 }
 
+/// The rectified view is what a pinhole at the camera's centre sees that looks along the table's
+/// normal; its image plane is the table.
+CameraModel rectified_camera(const View& view, const Eigen::Matrix3d& rotation) {
+  const Eigen::Matrix3d ray = rotation * view.sensor.matrix().inverse() * view.sensor_from_view;
+  return {view.width,
+          view.height,
+          ray(2, 2) / ray(0, 0),
+          ray(2, 2) / ray(1, 1),
+          -ray(0, 2) / ray(0, 0),
+          -ray(1, 2) / ray(1, 1)};
+}
+
 }  // namespace
 
 Surface render_surface(const RgbdFrame& frame, const View& view) {
@@ -58,6 +71,7 @@ Surface render_surface(const RgbdFrame& frame, const View& view) {
   const Eigen::Matrix3d rotation = rectified ? view_from_camera(view) : Eigen::Matrix3d::Identity();
   const Eigen::Matrix3d& h = view.sensor_from_view;
   Surface surface;
+  surface.camera = rectified ? rectified_camera(view, rotation) : frame.camera;
   surface.points_m.create(view.height, view.width, CV_32FC3);
   for (int y = 0; y < view.height; ++y) {
     auto* out = surface.points_m.ptr<cv::Vec3f>(y);

@@ -13,7 +13,8 @@ namespace weft::rgbd {
 /// has its origin at the camera's centre, x and y along the view's, z along minus the table's
 /// normal. In both, x is right, y down, z away from the camera, in metres.
 struct Surface {
-  cv::Mat points_m;  // CV_32FC3, view.height x view.width; NaN in all three = missing
+  cv::Mat points_m;    // CV_32FC3, view.height x view.width; NaN in all three = missing
+  CameraModel camera;  // the view's own pinhole: it projects each point to its pixel
 };
 
 /// Depths that differ by more than this share of the distance belong to two surfaces. Neighbouring

@@ -115,6 +115,28 @@ TEST(Surface, FollowsAViewThatIsTurnedAndMirrored) {
   EXPECT_GT(pairs, 50);
 }
 
+TEST(Surface, ProjectsToItsPixels) {
+  const Plane table = tilted_table();
+  RgbdFrame frame = table_scene(table);
+  for (int v = 100; v < 140; ++v)
+    for (int u = 140; u < 180; ++u)
+      frame.depth.at<std::uint16_t>(v, u) -= static_cast<std::uint16_t>(u + v);
+  for (const bool rectified : {false, true}) {
+    const View view = make_view(frame, middle_mask(), &table, {.rectified = rectified});
+    const auto surface = render_surface(frame, view);
+    ASSERT_EQ(surface.camera.width, view.width);
+    ASSERT_EQ(surface.camera.height, view.height);
+    for (int y = 0; y < view.height; ++y)
+      for (int x = 0; x < view.width; ++x) {
+        const auto& p = surface.points_m.at<cv::Vec3f>(y, x);
+        if (missing(p)) continue;
+        const Eigen::Vector2d px = surface.camera.project({p[0], p[1], p[2]});
+        ASSERT_NEAR(px.x(), x, 1e-3);
+        ASSERT_NEAR(px.y(), y, 1e-3);
+      }
+  }
+}
+
 TEST(Surface, KeepsDistancesBetweenPointsWhenRectified) {
   // A bump on the table: the same sensor pixel's point, turned only.
   const Plane table = tilted_table();
