@@ -1,0 +1,2 @@
+#define WEFT_KERNEL kNormalsAvx2
+#include "rgbd/normals_kernel.inc"

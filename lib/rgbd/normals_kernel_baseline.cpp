@@ -1,0 +1,2 @@
+#define WEFT_KERNEL kNormalsBaseline
+#include "rgbd/normals_kernel.inc"
