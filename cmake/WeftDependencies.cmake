@@ -10,6 +10,8 @@ find_package(OpenCV REQUIRED COMPONENTS core imgproc imgcodecs)
 if(WEFT_BUILD_TESTS)
   find_package(GTest REQUIRED)
   find_package(benchmark REQUIRED)
+  # Peer of the normals and of FPFH in tests and benchmarks.
+  pkg_check_modules(PCL_FEATURES REQUIRED IMPORTED_TARGET pcl_features pcl_search)
   # Peer of the dense SIFT in tests and benchmarks; without it those are skipped by name.
   find_path(VLFEAT_INCLUDE_DIR vl/dsift.h)
   find_library(VLFEAT_LIBRARY vl)

@@ -2,34 +2,9 @@
 
 #include <algorithm>
 #include <cmath>
-#include <ctime>
-#include <limits>
 #include <opencv2/core.hpp>
 
 namespace weft::bench {
-namespace {
-
-double now_ms(clockid_t clock) {
-  timespec time;
-  clock_gettime(clock, &time);
-  return 1e3 * static_cast<double>(time.tv_sec) + 1e-6 * static_cast<double>(time.tv_nsec);
-}
-
-}  // namespace
-
-double ms_of(int threads, const std::function<void()>& body) {
-  const clockid_t clock = threads == 1 ? CLOCK_PROCESS_CPUTIME_ID : CLOCK_MONOTONIC;
-  const double start = now_ms(clock);
-  body();
-  return now_ms(clock) - start;
-}
-
-double best_ms(int runs, int threads, const std::function<void()>& body) {
-  double best = std::numeric_limits<double>::infinity();
-  for (int run = 0; run < runs; ++run) best = std::min(best, ms_of(threads, body));
-  return best;
-}
-
 cv::Mat centred_mask(cv::Size size, double share) {
   cv::Mat mask(size, CV_8UC1, cv::Scalar(0));
   const int width = static_cast<int>(std::lround(size.width * std::sqrt(share)));

@@ -1,9 +1,9 @@
 #pragma once
 
-#include <functional>
 #include <nlohmann/json.hpp>
 #include <string>
 
+#include "bench/timing.hpp"
 #include "descriptor/dense_descriptor.hpp"
 #include "rgbd/view.hpp"
 
@@ -25,13 +25,6 @@ struct Settings {
   bool peer = true;
 };
 
-/// With one thread the CPU time of the process: on a machine that others use too, waiting is not
-/// part of the work. With more, what passes on the clock.
-double ms_of(int threads, const std::function<void()>& body);
-
-/// The fastest of several runs.
-double best_ms(int runs, int threads, const std::function<void()>& body);
-
 /// A rectangle in the middle that covers this share of the image. CV_8UC1.
 cv::Mat centred_mask(cv::Size size, double share);
 
@@ -50,7 +43,6 @@ inline nlohmann::json figures(std::size_t points, double ms, int threads) {
 void set_errors(nlohmann::json& figures, std::vector<double> errors);
 
 /// Each returns null where the scan has nothing for it.
-nlohmann::json bench_gdh(const Scan& scan, const Settings& settings);
 nlohmann::json bench_sift(const Scan& scan, const Settings& settings);
 nlohmann::json bench_words(const Scan& scan, const Settings& settings);
 
