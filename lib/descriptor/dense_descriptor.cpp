@@ -1,5 +1,7 @@
 #include "descriptor/dense_descriptor.hpp"
 
+#include "base/error.hpp"
+#include "descriptor/gdh.hpp"
 #include "descriptor/sift.hpp"
 
 namespace weft::descriptor {
@@ -16,7 +18,13 @@ Grid make_grid(int width_px, int height_px, const GridOptions& options) {
 
 std::unique_ptr<DenseDescriptor> make_descriptor(const DescriptorOptions& options) {
   options.validate();
-  return std::make_unique<SiftDescriptor>(options.sift);
+  switch (options.kind) {
+    case DescriptorOptions::Kind::kSift:
+      return std::make_unique<SiftDescriptor>(options.sift);
+    case DescriptorOptions::Kind::kGdh:
+      return std::make_unique<GdhDescriptor>(options.gdh);
+  }
+  throw Error("there is no such kind of descriptor");
 }
 
 }  // namespace weft::descriptor

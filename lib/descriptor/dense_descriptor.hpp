@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "base/options.hpp"
+#include "descriptor/gdh_options.hpp"
 #include "descriptor/sift_options.hpp"
 #include "rgbd/view.hpp"
 
@@ -78,19 +79,22 @@ class DenseDescriptor {
 };
 
 struct DescriptorOptions {
-  enum class Kind { kSift };
+  enum class Kind { kSift, kGdh };
   Kind kind = Kind::kSift;
   SiftOptions sift;
+  GdhOptions gdh;
 
   void visit(OptionVisitor& v) {
-    v.choice("kind", kind, {{"sift", Kind::kSift}},
+    v.choice("kind", kind, {{"sift", Kind::kSift}, {"gdh", Kind::kGdh}},
              "which descriptor; its options are in the group of its name, the only one there is");
     // A group of another kind would decide nothing, but change the hash of the settings.
     if (kind == Kind::kSift) v.group("sift", sift);
+    if (kind == Kind::kGdh) v.group("gdh", gdh);
   }
   void validate() const {
     validate_fields(*this, "DescriptorOptions");
     if (kind == Kind::kSift) sift.validate();
+    if (kind == Kind::kGdh) gdh.validate();
   }
 };
 

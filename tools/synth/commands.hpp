@@ -17,5 +17,6 @@ void add_render_command(CLI::App& app, Chosen& chosen);
 void add_states_command(CLI::App& app, Chosen& chosen);
 void add_sequences_command(CLI::App& app, Chosen& chosen);
 void add_statistics_command(CLI::App& app, Chosen& chosen);
+void add_invariance_command(CLI::App& app, Chosen& chosen);
 
 }  // namespace weft::synth

@@ -12,6 +12,7 @@ int main(int argc, char** argv) {
   weft::synth::add_states_command(app, chosen);
   weft::synth::add_sequences_command(app, chosen);
   weft::synth::add_statistics_command(app, chosen);
+  weft::synth::add_invariance_command(app, chosen);
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {

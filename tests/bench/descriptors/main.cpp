@@ -21,6 +21,7 @@ using namespace weft::bench;  // NOLINT
 
 const std::vector<std::pair<std::string, nlohmann::json (*)(const Scan&, const Settings&)>>
     kBenches = {
+        {"gdh", bench_gdh},
         {"sift", bench_sift},
         {"words", bench_words},
 };
