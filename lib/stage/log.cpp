@@ -14,6 +14,7 @@ namespace {
 // An event: sync word, number (8), timestamp (8), channel length (4), data length (4), channel,
 // data; all big-endian.
 constexpr std::uint32_t kSync = 0xEDA1DA01u;
+constexpr std::array<std::uint8_t, 4> kSyncBytes{0xED, 0xA1, 0xDA, 0x01};
 constexpr std::int64_t kHeaderBytes = 28;
 constexpr std::size_t kMaxChannel = 63;
 /// An event of more is only read when its length is sound: a flipped bit in a length must not cost
@@ -83,14 +84,23 @@ bool LogReader::read_header(std::int64_t offset, Header& header) {
   return true;
 }
 
+bool LogReader::cut_off(std::int64_t offset) {
+  const auto left = size_ - offset;
+  std::array<std::uint8_t, 4> raw{};
+  const auto count = static_cast<std::size_t>(std::min<std::int64_t>(left, 4));
+  return left < kHeaderBytes + static_cast<std::int64_t>(kMaxChannel) &&
+         read_at(offset, raw.data(), count) &&
+         std::equal(raw.begin(), raw.begin() + static_cast<std::ptrdiff_t>(count),
+                    kSyncBytes.begin());
+}
+
 bool LogReader::leads_on(std::int64_t end) {
   Header header;
-  return end == size_ || read_header(end, header);
+  return end == size_ || read_header(end, header) || cut_off(end);
 }
 
 bool LogReader::find_event(std::int64_t from, std::int64_t until, bool followed,
                            std::int64_t& found) {
-  constexpr std::array<std::uint8_t, 4> kSyncBytes{0xED, 0xA1, 0xDA, 0x01};
   std::array<std::uint8_t, 1 << 16> chunk{};
   const auto end = std::min(size_, until + 3);  // a sync word may begin right before
   for (std::int64_t offset = from; offset + 4 <= end;) {
@@ -143,10 +153,11 @@ bool LogReader::next(LogEvent& event) {
     }
     std::int64_t resume = size_;
     const bool resumed = find_event(offset_ + 1, size_, false, resume);
-    skip_to(resume, resumed ? (sound ? "an event longer than the rest of the file"
-                                     : "bad sync word or event header")
-                            : (sound ? "the last event is cut off"
-                                     : "the end of the file holds no whole event"));
+    skip_to(resume, resumed
+                        ? (sound ? "an event longer than the rest of the file"
+                                 : "bad sync word or event header")
+                        : (sound || cut_off(offset_) ? "the last event is cut off"
+                                                     : "the end of the file holds no whole event"));
   }
   return false;
 }

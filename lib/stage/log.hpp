@@ -55,6 +55,7 @@ class LogReader {
   bool read_header(std::int64_t offset, Header& header);
   /// The first event that begins in [from, until); followed: only those that lead to another.
   bool find_event(std::int64_t from, std::int64_t until, bool followed, std::int64_t& found);
+  bool cut_off(std::int64_t offset);  // begins an event in the last bytes of the file
   bool leads_on(std::int64_t end);
   void read_data(const Header& header, LogEvent& event);
   void skip_to(std::int64_t offset, std::string what);

@@ -8,6 +8,7 @@
 #include <chrono>
 #include <nlohmann/json.hpp>
 #include <set>
+#include <thread>
 
 #include "integration/test_log.hpp"
 #include "integration/test_stage.hpp"
@@ -79,7 +80,7 @@ TEST_F(WeftTest, WrongUseIsTwo) {
   EXPECT_EQ(weft({"log"}).status, 2);
   EXPECT_EQ(weft({"bench"}).status, 2);
   for (const std::string command :
-       {"demo", "up", "down", "status", "logs", "restart", "replay", "timing", "log"})
+       {"demo", "up", "down", "status", "logs", "restart", "replay", "timing", "log", "spy"})
     EXPECT_EQ(weft({command, "--help"}).status, 0) << command;
 }
 
@@ -229,6 +230,68 @@ TEST_F(WeftTest, DemoWritesFiguresAndAPageWithEveryFrame) {
   const auto timing = nlohmann::json::parse(read_text_file(path("t.json")));
   EXPECT_EQ(timing["stages"], json["stages"]);
   EXPECT_EQ(weft({"log", "info", path("demo/demo.lcm")}).status, 0);
+}
+
+TEST_F(WeftTest, LogToolsMendADamagedLogAndLeaveItAlone) {
+  test_stage::write_test_log(path("in.lcm"), 5, 1000);
+  auto bytes = read_text_file(path("in.lcm"));
+  bytes[2000] = '\x55';
+  bytes.resize(bytes.size() - 10);
+  write_text_file(path("bad.lcm"), bytes);
+  EXPECT_EQ(weft({"log", "check", path("in.lcm")}).status, 0);
+  const auto check = weft({"log", "check", path("bad.lcm"), "--json", path("check.json")});
+  EXPECT_EQ(check.status, 1);
+  EXPECT_NE(check.output.find("the last event is cut off"), std::string::npos) << check.output;
+  EXPECT_EQ(nlohmann::json::parse(read_text_file(path("check.json")))["healthy"], false);
+  EXPECT_EQ(weft({"log", "repair", path("bad.lcm"), "--out", path("bad.lcm")}).status, 1);
+  EXPECT_EQ(weft({"log", "repair", path("bad.lcm"), "--out", path("good.lcm")}).status, 0);
+  EXPECT_EQ(read_text_file(path("bad.lcm")), bytes);
+  EXPECT_EQ(weft({"log", "check", path("good.lcm")}).status, 0);
+  EXPECT_EQ(
+      weft({"log", "filter", path("in.lcm"), "--channel", "RGBD_.*", "--out", path("rgbd.lcm")})
+          .status,
+      0);
+  const auto cut = weft({"log", "cut", path("rgbd.lcm"), "--from-frame", "1", "--to-frame", "3",
+                         "--out", path("cut.lcm")});
+  EXPECT_NE(cut.output.find("3 of 5 events"), std::string::npos) << cut.output;
+  const auto splice =
+      weft({"log", "splice", path("rgbd.lcm"), path("cut.lcm"), "--out", path("whole.lcm")});
+  EXPECT_NE(splice.output.find("5 of 8 events, 3 copies"), std::string::npos) << splice.output;
+  EXPECT_EQ(first_difference(path("rgbd.lcm"), path("whole.lcm")), "");
+  EXPECT_EQ(weft({"log", "cut", path("in.lcm"), "--out", path("x.lcm")}).status, 1);
+}
+
+TEST_F(WeftTest, SpyShowsWhatIsOnTheAir) {
+  NEEDS_PRIVATE_NETWORK();
+  const pid_t child = fork();
+  if (child == 0) {
+    std::string why;
+    if (!stage::enter_private_network(why)) _exit(3);
+    const pid_t robot = fork();
+    if (robot == 0) {
+      const auto bus = make_lcm_bus(stage::LcmUrl{});
+      for (std::int64_t seq = 0;; ++seq) {
+        if (seq % 10 != 5) bus->publish("RGBD_FRAME", test_stage::test_event(seq, 5000).data);
+        bus->receive(std::chrono::milliseconds(0));
+        std::this_thread::sleep_for(std::chrono::milliseconds(10));
+      }
+    }
+    const auto result =
+        weft({"spy", "--duration", "2", "--json", path("spy.json"), "--show", "RGBD_FRAME"});
+    kill(robot, SIGKILL);
+    waitpid(robot, nullptr, 0);
+    std::fputs(result.output.c_str(), stderr);
+    const auto json = nlohmann::json::parse(read_text_file(path("spy.json")));
+    const auto& frames = json["channels"]["RGBD_FRAME"];
+    const bool good = result.status == 0 && frames["type"] == "rgbd_frame_t" &&
+                      frames["per_second"] > 5.0 && frames["missing"] > 0 &&
+                      result.output.find("source: scene ") != std::string::npos &&
+                      weft({"spy", "--duration", "0.2"}).status == 1;
+    _exit(good ? 0 : 1);
+  }
+  int status = 0;
+  waitpid(child, &status, 0);
+  EXPECT_EQ(status, 0);
 }
 
 TEST_F(WeftTest, ReplayFromAStageTakesItsInputsFromTheLog) {

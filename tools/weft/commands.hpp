@@ -31,6 +31,15 @@ struct LogsOptions {
 int logs(const LogsOptions& options);
 int restart(const std::string& process, const std::string& set);
 
+struct SpyOptions {
+  std::string set;  // file, or name of a running set; empty: default URL
+  std::string url, types, json;
+  std::string channels = ".*";  // regular expression
+  std::vector<std::string> show;
+  double duration_s = 0;  // 0: until stopped on a terminal, else 5
+};
+int spy_command(const SpyOptions& options);
+
 struct ReplayCommand {
   std::string log, set, out, json, from;
   bool verify = false;

@@ -133,6 +133,20 @@ int run(int argc, char** argv) {
   sub->add_option("--set", set_name, "name or file of the set");
   sub->callback([&] { chosen = [&] { return restart(process, set_name); }; });
 
+  SpyOptions spy;
+  sub = app.add_subcommand("spy", "what is on the air: channels, rates, bandwidth, gaps, fields");
+  sub->add_option("set", spy.set, "set file or name of a running set; default: the default URL");
+  sub->add_option("--url", spy.url, "LCM URL");
+  sub->add_option("--channel", spy.channels, "regular expression of the channels to hear")
+      ->capture_default_str();
+  sub->add_option("--show", spy.show, "show the newest message of this channel, decoded");
+  sub->add_option("--duration", spy.duration_s,
+                  "seconds to listen; default: until q on a terminal, else 5")
+      ->check(CLI::Range(0.1, 1e6));
+  sub->add_option("--json", spy.json, "write it to this file");
+  sub->add_option("--types", spy.types, "folder of .lcm files of your own message types");
+  sub->callback([&] { chosen = [&] { return spy_command(spy); }; });
+
   ReplayCommand replay;
   sub =
       app.add_subcommand("replay", "play the source channels of a log through a set, in lock-step");

@@ -184,13 +184,13 @@ TEST_F(LogTools, ALengthThatGrewCostsOneEvent) {
   }
 }
 
-/// A hole of more than 2 GB between two halves of a log: read in little memory, and in little time.
+/// With a hole of 256 MB between two halves of a log, and 75 MB of messages.
 TEST_F(LogTools, MemoryDoesNotGrowWithTheLog) {
   write_robot_log(path("a.lcm"), 10);
   const auto half = test::read_bytes(path("a.lcm"));
   const auto big = path("big.lcm");
   test::write_bytes(big, half);
-  const auto hole = static_cast<std::int64_t>(9) << 28;
+  const auto hole = std::int64_t{1} << 28;
   if (truncate(big.c_str(), static_cast<off_t>(half.size()) + hole) != 0)
     GTEST_SKIP() << "no sparse file of this size here";
   std::ofstream(big, std::ios::binary | std::ios::app) << half;
@@ -198,7 +198,7 @@ TEST_F(LogTools, MemoryDoesNotGrowWithTheLog) {
   {
     LogWriter log(copies);
     const auto event = test_stage::test_event(1, 150'000);
-    for (int i = 0; i < 2000; ++i) log.write(i, "RGBD_FRAME", event.data);  // 300 MB
+    for (int i = 0; i < 500; ++i) log.write(i, "RGBD_FRAME", event.data);  // 75 MB
     log.close();
   }
   rusage before{}, after{};
@@ -207,7 +207,7 @@ TEST_F(LogTools, MemoryDoesNotGrowWithTheLog) {
   EXPECT_EQ(survey.events, 120);
   EXPECT_EQ(survey.problem_count, 2) << "the hole, and the unknown message before it";
   EXPECT_EQ(survey.skipped_bytes, hole);
-  EXPECT_EQ(repair_log(copies, path("out.lcm"), types_).written, 2000);
+  EXPECT_EQ(repair_log(copies, path("out.lcm"), types_).written, 500);
   getrusage(RUSAGE_SELF, &after);
   EXPECT_LT(after.ru_maxrss - before.ru_maxrss, 8 * 1024) << "KB more than before";
 }
