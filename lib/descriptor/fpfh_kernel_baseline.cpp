@@ -1,0 +1,2 @@
+#define WEFT_KERNEL kFpfhBaseline
+#include "descriptor/fpfh_kernel.inc"
