@@ -15,6 +15,7 @@
 #include "tools/weft/replay.hpp"
 #include "tools/weft/text_file.hpp"
 #include "tools/weft/timing_report.hpp"
+#include "weft/stage_status_t.hpp"
 #include "weft/stage_timing_t.hpp"
 
 namespace weft {
@@ -93,12 +94,17 @@ int print_copy(const std::string& out, const CopyCounts& counts) {
 
 }  // namespace
 
-int timing_command(const std::string& file, const std::string& json, const std::string& html) {
+int timing_command(const std::string& file, const std::string& json, const std::string& html,
+                   const std::string& trace) {
   stage::LogReader log(file);
   stage::LogEvent event;
   TimingCollector timing;
   std::size_t undecodable = 0;
   while (log.next(event)) {
+    if (event.channel == stage::kStatusChannel) {
+      if (const auto status = decode_message<weft::stage_status_t>(event.data)) timing.add(*status);
+      continue;
+    }
     if (event.channel != stage::kTimingChannel) continue;
     const auto message = decode_message<weft::stage_timing_t>(event.data);
     if (message) {
@@ -115,6 +121,10 @@ int timing_command(const std::string& file, const std::string& json, const std::
     throw Error(file + ": holds no STAGE_TIMING; record that channel, or replay the log");
   fmt::print("{}", to_text(report));
   if (!json.empty()) write_text_file(json, to_json(report) + "\n");
+  if (!trace.empty()) {
+    write_text_file(trace, to_chrome_trace(report));
+    fmt::print("trace: {} (open it in chrome://tracing or ui.perfetto.dev)\n", trace);
+  }
   if (!html.empty()) {
     write_text_file(html,
                     make_page("timing.html", {{"title", file}, {"timing", page_timing(report)}}));

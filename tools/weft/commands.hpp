@@ -61,7 +61,8 @@ struct DemoCommand {
 };
 int demo_command(const DemoCommand& command, const StageRegistry& registry);
 
-int timing_command(const std::string& log, const std::string& json, const std::string& html);
+int timing_command(const std::string& log, const std::string& json, const std::string& html,
+                   const std::string& trace);
 /// types: folder of .lcm files besides the built-in ones; empty: none.
 int log_info_command(const std::string& log, const std::string& json, const std::string& types);
 int log_check_command(const std::string& log, const std::string& json, const std::string& types);

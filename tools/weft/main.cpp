@@ -176,12 +176,13 @@ int run(int argc, char** argv) {
     chosen = [&] { return replay_command(replay, built_in_stages()); };
   });
 
-  std::string log, json, html;
+  std::string log, json, html, trace;
   sub = app.add_subcommand("timing", "where the time went, from a log's STAGE_TIMING");
   sub->add_option("log", log)->required();
   sub->add_option("--json", json, "write the table to this file");
   sub->add_option("--html", html, "write a page with the timeline to this file");
-  sub->callback([&] { chosen = [&] { return timing_command(log, json, html); }; });
+  sub->add_option("--trace", trace, "write a trace for chrome://tracing to this file");
+  sub->callback([&] { chosen = [&] { return timing_command(log, json, html, trace); }; });
 
   std::string types, out;
   std::vector<std::string> inputs;

@@ -26,23 +26,54 @@ std::string make_page(const std::string& name, const nlohmann::json& data) {
 }
 
 nlohmann::json page_timing(const TimingReport& report) {
+  constexpr std::size_t kMostFrames = 3000, kSlowest = 12;
   const auto four = [](const Quantiles& q) { return nlohmann::json{q.p50, q.p95, q.p99, q.max}; };
   nlohmann::json json{{"frames", report.frames.size()},
                       {"frames_per_second", report.frames_per_second},
                       {"end_to_end", four(report.end_to_end)},
+                      {"transport", four(report.transport)},
                       {"initial_ms", std::max(50.0, report.end_to_end.p50 * 4)},
+                      {"frames_shown", std::min(report.frames.size(), kMostFrames)},
                       {"stages", nlohmann::json::array()},
-                      {"spans", nlohmann::json::array()}};
+                      {"spans", nlohmann::json::array()},
+                      {"slowest", nlohmann::json::array()}};
   for (const auto& stage : report.stages) {
     json["stages"].push_back({{"name", stage.stage},
+                              {"host", stage.host},
                               {"wait", four(stage.wait)},
                               {"work", four(stage.work)},
+                              {"publish", four(stage.publish)},
                               {"cpu", four(stage.cpu)},
-                              {"frames", stage.frames}});
+                              {"frames", stage.frames},
+                              {"failed", stage.failed},
+                              {"dropped", stage.dropped},
+                              {"missing_input", stage.missing_input},
+                              {"gaps", stage.gaps},
+                              {"critical_frames", stage.critical_frames},
+                              {"critical_ms", stage.critical_ms}});
   }
   for (const auto& span : report.spans) {
+    if (span.frame >= kMostFrames) continue;
     json["spans"].push_back({span.frame, span.stage, span.received, span.started, span.finished,
-                             span.published, span.status_code});
+                             span.published, span.status_code, span.critical ? 1 : 0});
+  }
+  std::vector<const CriticalPath*> paths;
+  for (const auto& path : report.critical_paths) paths.push_back(&path);
+  std::sort(paths.begin(), paths.end(),
+            [](const auto* a, const auto* b) { return a->total > b->total; });
+  paths.resize(std::min(paths.size(), kSlowest));
+  for (const auto* path : paths) {
+    nlohmann::json steps = nlohmann::json::array();
+    for (const auto& step : path->steps) {
+      const auto& span = report.spans[step.span];
+      steps.push_back({span.stage, step.transport, span.started - span.received,
+                       span.finished - span.started, std::max(0.0, step.publish)});
+    }
+    json["slowest"].push_back({{"frame", path->frame},
+                               {"name", to_string(report.frames[path->frame])},
+                               {"total", path->total},
+                               {"begin", report.spans[path->steps.front().span].received},
+                               {"steps", steps}});
   }
   return json;
 }

@@ -132,6 +132,7 @@ ReplayResult replay(const ProcessSet& whole_set, Transport transport, const Stag
   result.resends = player.resends();
   result.restarts = player.restarts();
   result.inconsistencies = player.inconsistencies();
+  for (const auto& [name, status] : player.statuses()) timing.add(status);
   result.timing = timing.report();
   return result;
 }
