@@ -3,6 +3,7 @@
 #include "base/error.hpp"
 #include "descriptor/fpfh.hpp"
 #include "descriptor/gdh.hpp"
+#include "descriptor/hks.hpp"
 #include "descriptor/sift.hpp"
 
 namespace weft::descriptor {
@@ -26,6 +27,8 @@ std::unique_ptr<DenseDescriptor> make_descriptor(const DescriptorOptions& option
       return std::make_unique<GdhDescriptor>(options.gdh);
     case DescriptorOptions::Kind::kFpfh:
       return std::make_unique<FpfhDescriptor>(options.fpfh);
+    case DescriptorOptions::Kind::kHks:
+      return std::make_unique<HksDescriptor>(options.hks);
   }
   throw Error("there is no such kind of descriptor");
 }

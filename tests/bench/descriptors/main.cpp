@@ -22,6 +22,7 @@ using namespace weft::bench;  // NOLINT
 const std::vector<std::pair<std::string, nlohmann::json (*)(const Scan&, const Settings&)>>
     kBenches = {
         {"gdh", bench_gdh},
+        {"hks", bench_hks},
         {"sift", bench_sift},
         {"words", bench_words},
 };

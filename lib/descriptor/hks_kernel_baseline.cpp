@@ -1,0 +1,2 @@
+#define WEFT_KERNEL kHksBaseline
+#include "descriptor/hks_kernel.inc"
