@@ -79,6 +79,7 @@ std::vector<Errors> errors_of(const test::AnalyticView& view, const cv::Mat& nor
 }  // namespace
 
 int main(int argc, char** argv) {
+  bench::keep_memory();
   CLI::App app{"Normals of organised scans, ours beside PCL's, on surfaces with known normals"};
   rgbd::NormalOptions options;
   double noise_px = 0.08;

@@ -1,11 +1,21 @@
 #pragma once
 
+#include <malloc.h>
+
 #include <algorithm>
 #include <ctime>
 #include <functional>
 #include <limits>
 
 namespace weft::bench {
+
+/// Keeps freed memory for the next run, ours and the peer's alike: what a virtual machine takes for
+/// fresh pages can be most of the time of a peer that allocates much.
+inline void keep_memory() {
+  mallopt(M_MMAP_THRESHOLD, 1 << 30);
+  mallopt(M_TRIM_THRESHOLD, 2147483647);
+  mallopt(M_ARENA_MAX, 1);
+}
 
 /// With one thread the CPU time of the process: on a machine that others use too, waiting is not
 /// part of the work. With more, what passes on the clock.
