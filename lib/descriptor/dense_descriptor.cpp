@@ -1,6 +1,7 @@
 #include "descriptor/dense_descriptor.hpp"
 
 #include "base/error.hpp"
+#include "descriptor/finddd.hpp"
 #include "descriptor/fpfh.hpp"
 #include "descriptor/gdh.hpp"
 #include "descriptor/hks.hpp"
@@ -25,6 +26,8 @@ std::unique_ptr<DenseDescriptor> make_descriptor(const DescriptorOptions& option
       return std::make_unique<SiftDescriptor>(options.sift);
     case DescriptorOptions::Kind::kGdh:
       return std::make_unique<GdhDescriptor>(options.gdh);
+    case DescriptorOptions::Kind::kFinddd:
+      return std::make_unique<FindddDescriptor>(options.finddd);
     case DescriptorOptions::Kind::kFpfh:
       return std::make_unique<FpfhDescriptor>(options.fpfh);
     case DescriptorOptions::Kind::kHks:

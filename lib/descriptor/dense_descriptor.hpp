@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "base/options.hpp"
+#include "descriptor/finddd_options.hpp"
 #include "descriptor/fpfh_options.hpp"
 #include "descriptor/gdh_options.hpp"
 #include "descriptor/hks_options.hpp"
@@ -81,21 +82,26 @@ class DenseDescriptor {
 };
 
 struct DescriptorOptions {
-  enum class Kind { kSift, kGdh, kFpfh, kHks };
+  enum class Kind { kSift, kGdh, kFinddd, kFpfh, kHks };
   Kind kind = Kind::kSift;
   SiftOptions sift;
   GdhOptions gdh;
+  FindddOptions finddd;
   FpfhOptions fpfh;
   HksOptions hks;
 
   void visit(OptionVisitor& v) {
-    v.choice(
-        "kind", kind,
-        {{"sift", Kind::kSift}, {"gdh", Kind::kGdh}, {"fpfh", Kind::kFpfh}, {"hks", Kind::kHks}},
-        "which descriptor; its options are in the group of its name, the only one there is");
+    v.choice("kind", kind,
+             {{"sift", Kind::kSift},
+              {"gdh", Kind::kGdh},
+              {"finddd", Kind::kFinddd},
+              {"fpfh", Kind::kFpfh},
+              {"hks", Kind::kHks}},
+             "which descriptor; its options are in the group of its name, the only one there is");
     // A group of another kind would decide nothing, but change the hash of the settings.
     if (kind == Kind::kSift) v.group("sift", sift);
     if (kind == Kind::kGdh) v.group("gdh", gdh);
+    if (kind == Kind::kFinddd) v.group("finddd", finddd);
     if (kind == Kind::kFpfh) v.group("fpfh", fpfh);
     if (kind == Kind::kHks) v.group("hks", hks);
   }
@@ -103,6 +109,7 @@ struct DescriptorOptions {
     validate_fields(*this, "DescriptorOptions");
     if (kind == Kind::kSift) sift.validate();
     if (kind == Kind::kGdh) gdh.validate();
+    if (kind == Kind::kFinddd) finddd.validate();
     if (kind == Kind::kFpfh) fpfh.validate();
     if (kind == Kind::kHks) hks.validate();
   }

@@ -31,10 +31,11 @@ std::vector<std::int32_t> masked_cells(const rgbd::Surface& surface, const cv::M
   return cells;
 }
 
-FloatField make_field(const Grid& grid, int dimension, const std::vector<std::int32_t>& cells,
-                      const std::vector<std::uint8_t>& described, std::vector<float> values) {
+template <class Field>
+Field make_field(const Grid& grid, int dimension, const std::vector<std::int32_t>& cells,
+                 const std::vector<std::uint8_t>& described, decltype(Field::values) values) {
   const auto size = static_cast<std::size_t>(dimension);
-  FloatField field{
+  Field field{
       grid, dimension, std::vector<PointState>(grid.cells(), PointState::kOutsideMask), {}, {}};
   for (std::size_t i = 0; i < cells.size(); ++i) {
     auto& state = field.state[static_cast<std::size_t>(cells[i])];
@@ -49,6 +50,13 @@ FloatField make_field(const Grid& grid, int dimension, const std::vector<std::in
   field.values = std::move(values);
   return field;
 }
+
+template FloatField make_field<FloatField>(const Grid&, int, const std::vector<std::int32_t>&,
+                                           const std::vector<std::uint8_t>&, std::vector<float>);
+template DescriptorField make_field<DescriptorField>(const Grid&, int,
+                                                     const std::vector<std::int32_t>&,
+                                                     const std::vector<std::uint8_t>&,
+                                                     std::vector<std::uint8_t>);
 
 int patch_size_px(const rgbd::View& view, int patch_px, double patch_mm) {
   if (view.kind == rgbd::View::Kind::kSensor) return patch_px;

@@ -26,9 +26,11 @@ struct FloatField {
 std::vector<std::int32_t> masked_cells(const rgbd::Surface& surface, const cv::Mat& mask,
                                        const Grid& grid, const std::string& where);
 
-/// The field of `cells`, each with `dimension` values, of which `described` says which count.
-FloatField make_field(const Grid& grid, int dimension, const std::vector<std::int32_t>& cells,
-                      const std::vector<std::uint8_t>& described, std::vector<float> values);
+/// The field, in floats or in bytes, of `cells`, each with `dimension` values, of which
+/// `described` says which count.
+template <class Field = FloatField>
+Field make_field(const Grid& grid, int dimension, const std::vector<std::int32_t>& cells,
+                 const std::vector<std::uint8_t>& described, decltype(Field::values) values);
 
 /// The field in 8 bit: min(255, round(scaled(v))) of each value.
 template <class Scaled>

@@ -21,6 +21,7 @@ using namespace weft::bench;  // NOLINT
 
 const std::vector<std::pair<std::string, nlohmann::json (*)(const Scan&, const Settings&)>>
     kBenches = {
+        {"finddd", bench_finddd},
         {"gdh", bench_gdh},
         {"hks", bench_hks},
         {"sift", bench_sift},
@@ -108,6 +109,7 @@ void print(const std::string& scan, const std::string& name, const nlohmann::jso
 }  // namespace
 
 int main(int argc, char** argv) {
+  keep_memory();
   CLI::App app{"Dense descriptors, each with its peer in the same run"};
   std::vector<std::string> names = {"shirt", "office1", "20150902_towel02_2_fold"};
   std::vector<std::string> descriptors;

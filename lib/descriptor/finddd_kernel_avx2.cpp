@@ -1,0 +1,2 @@
+#define WEFT_KERNEL kFindddAvx2
+#include "descriptor/finddd_kernel.inc"

@@ -1,0 +1,2 @@
+#define WEFT_KERNEL kFindddBaseline
+#include "descriptor/finddd_kernel.inc"
