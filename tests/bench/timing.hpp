@@ -14,7 +14,6 @@ namespace weft::bench {
 inline void keep_memory() {
   mallopt(M_MMAP_THRESHOLD, 1 << 30);
   mallopt(M_TRIM_THRESHOLD, 2147483647);
-  mallopt(M_ARENA_MAX, 1);
 }
 
 /// With one thread the CPU time of the process: on a machine that others use too, waiting is not

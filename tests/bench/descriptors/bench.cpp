@@ -27,8 +27,13 @@ nlohmann::json cost_by_mask(const descriptor::DenseDescriptor& descriptor, const
       });
     };
     const double one = ms(1), two = ms(2);
-    rows.push_back(
-        {{"share", share}, {"points", points}, {"ms_1_thread", one}, {"ms_2_threads", two}});
+    const double cpu =
+        best_ms(runs, 1, [&] { descriptor.describe(scan.frame, scan.view, images, scan.grid, 2); });
+    rows.push_back({{"share", share},
+                    {"points", points},
+                    {"ms_1_thread", one},
+                    {"ms_2_threads", two},
+                    {"cpu_ms_2_threads", cpu}});
   }
   return rows;
 }

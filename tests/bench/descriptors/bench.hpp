@@ -29,7 +29,8 @@ struct Settings {
 cv::Mat centred_mask(cv::Size size, double share);
 
 /// How the cost grows with the mask: for 1 % to the whole view, on one thread and on two,
-/// {"share", "points", "ms_1_thread", "ms_2_threads"}.
+/// {"share", "points", "ms_1_thread", "ms_2_threads", "cpu_ms_2_threads"}; the last tells what two
+/// threads cost where others keep the clock of the one before busy.
 nlohmann::json cost_by_mask(const descriptor::DenseDescriptor& descriptor, const Scan& scan,
                             int runs);
 
