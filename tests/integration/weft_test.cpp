@@ -79,8 +79,8 @@ TEST_F(WeftTest, WrongUseIsTwo) {
   EXPECT_EQ(weft({"replay", "--windw", "3"}).status, 2);
   EXPECT_EQ(weft({"log"}).status, 2);
   EXPECT_EQ(weft({"bench"}).status, 2);
-  for (const std::string command :
-       {"demo", "up", "down", "status", "logs", "restart", "replay", "timing", "log", "spy"})
+  for (const std::string command : {"demo", "up", "down", "status", "logs", "restart", "replay",
+                                    "timing", "log", "spy", "compare", "doctor"})
     EXPECT_EQ(weft({command, "--help"}).status, 0) << command;
 }
 
@@ -167,6 +167,54 @@ TEST_F(WeftTest, VerifyNamesTheFirstDifference) {
   EXPECT_NE(other.output.find("not the same: WORDS_SIFT of frame camera/7/0 differs at byte"),
             std::string::npos)
       << other.output;
+  EXPECT_NE(other.output.find("words_t, "), std::string::npos) << other.output;
+  EXPECT_NE(other.output.find("\n  cells[0]: "), std::string::npos) << other.output;
+  // The same in one command, with figures and a page.
+  const auto compared = weft({"compare", path("a.lcm"), path("b.lcm"), "--json",
+                              path("compare.json"), "--html", path("compare.html")});
+  EXPECT_EQ(compared.status, 0) << compared.output;
+  EXPECT_NE(compared.output.find("5 of 5 frames differ"), std::string::npos) << compared.output;
+  const auto json = nlohmann::json::parse(read_text_file(path("compare.json")));
+  EXPECT_EQ(json["channels"]["FOREGROUND"]["equal"], 5);
+  EXPECT_EQ(json["channels"]["WORDS_SIFT"]["different"], 5);
+  EXPECT_TRUE(fs::exists(path("compare.html")));
+  EXPECT_EQ(weft({"compare", path("a.lcm")}).status, 2);
+}
+
+TEST_F(WeftTest, AReplayCanBeARangePacedAndStepped) {
+  NEEDS_PRIVATE_NETWORK();
+  test_stage::write_test_log(path("in.lcm"), 12);
+  const auto replay_to = [&](const std::string& out, const std::string& more) {
+    return run_command({"sh", "-c",
+                        "exec " + kWeft + " replay " + path("in.lcm") + " --set " +
+                            path("set.yaml") + " --out " + path(out) + " " + more});
+  };
+  EXPECT_EQ(replay_to("whole.lcm", "</dev/null").status, 0);
+  // Without keys to wait for, it goes on by itself.
+  const auto frames = replay_to(
+      "frames.lcm", "--from-frame 3 --to-frame 6 --step --show PART_DETECTIONS </dev/null");
+  ASSERT_EQ(frames.status, 0) << frames.output;
+  EXPECT_NE(frames.output.find("frame camera/7/6"), std::string::npos) << frames.output;
+  EXPECT_NE(frames.output.find("detections[0].part: polo collar"), std::string::npos)
+      << frames.output;
+  const auto whole = payload_hashes(path("whole.lcm")), part = payload_hashes(path("frames.lcm"));
+  EXPECT_EQ(part.size(), 20u);
+  for (const auto& line : part)
+    EXPECT_NE(std::find(whole.begin(), whole.end(), line), whole.end()) << line;
+  const auto begin = Clock::now();
+  const auto seconds = replay_to("seconds.lcm", "--from-s 0.2 --to-s 0.8 --speed 0.5 </dev/null");
+  EXPECT_EQ(seconds.status, 0) << seconds.output;
+  EXPECT_EQ(payload_hashes(path("seconds.lcm")).size(), 30u);
+  EXPECT_GT(Clock::now() - begin, std::chrono::milliseconds(999)) << "6 frames, 200 ms apart";
+  const auto none = replay_to("none.lcm", "--from-frame 50 </dev/null");
+  EXPECT_EQ(none.status, 1);
+  EXPECT_NE(none.output.find("no frame lies in this range"), std::string::npos) << none.output;
+  EXPECT_FALSE(fs::exists(path("none.lcm")));
+  EXPECT_EQ(run_command({kWeft, "replay", path("in.lcm"), "--set", path("set.yaml"), "--out",
+                         path("in.lcm")})
+                .status,
+            1)
+      << "the log that is played";
 }
 
 TEST_F(WeftTest, StagesThatFailAreAnsweredAndCounted) {

@@ -4,13 +4,16 @@
 #include <cstdio>
 #include <filesystem>
 #include <nlohmann/json.hpp>
+#include <optional>
 
 #include "base/error.hpp"
 #include "base/project.hpp"
 #include "dataset/scene.hpp"
 #include "tools/weft/commands.hpp"
 #include "tools/weft/demo_page.hpp"
+#include "tools/weft/keys.hpp"
 #include "tools/weft/replay.hpp"
+#include "tools/weft/spy.hpp"
 #include "tools/weft/text_file.hpp"
 
 namespace weft {
@@ -37,6 +40,31 @@ nlohmann::ordered_json to_json(const ReplayResult& result) {
   json["end_to_end"] = timing.value("end_to_end", nlohmann::ordered_json::object());
   json["stages"] = timing["stages"];
   return json;
+}
+
+/// A frame and what was said about it; show: channels to decode.
+void print_frame(const PlayedFrame& frame, const FrameContent& content,
+                 const std::vector<std::string>& show, const MessageTypes& types) {
+  fmt::print("frame {}", to_string(frame.source.name));
+  for (const auto& timing : frame.timings)
+    fmt::print("  {} {:.1f} ms", timing.stage,
+               static_cast<double>(timing.finished_utime - timing.started_utime) / 1000);
+  fmt::print("\n");
+  for (const auto& problem : content.problems) fmt::print("  {}\n", problem);
+  const auto print_message = [&](const std::string& channel,
+                                 const std::vector<std::uint8_t>& data) {
+    if (std::find(show.begin(), show.end(), channel) == show.end()) return;
+    const auto decoded = types.decode(data);
+    if (!decoded) {
+      fmt::print("  {}: {} bytes of an unknown type\n", channel, data.size());
+      return;
+    }
+    fmt::print("  {}: {}\n", channel, decoded->type);
+    for (const auto& line : field_lines(decoded->fields)) fmt::print("    {}\n", line);
+  };
+  for (const auto& event : frame.source.events) print_message(event.channel, event.data);
+  for (const auto& message : frame.outputs) print_message(message.channel, message.data);
+  std::fflush(stdout);
 }
 
 Transport pick_transport(bool in_process, bool attach) {
@@ -95,9 +123,25 @@ int replay_command(const ReplayCommand& command, const StageRegistry& registry) 
   options.player.window = command.window;
   options.player.answer_timeout =
       std::chrono::milliseconds(static_cast<int>(command.timeout_s * 1000));
+  options.range = command.range;
+  MessageTypes types = MessageTypes::built_in();
+  if (!command.types.empty()) types.add_folder(command.types);
+  std::optional<Keys> keys;
+  std::optional<Pace> pace;
+  if (command.step || command.speed > 0) {
+    keys.emplace();
+    pace.emplace(command.speed, command.step, [&] { return keys->next(); });
+    options.pace = &*pace;
+    if (command.step) options.player.window = 1;
+    fmt::print("space: pause, go on   s, Enter: one frame   + -: speed   q: end\n");
+    std::fflush(stdout);
+  }
   const auto play = [&] {
     return replay(set, transport, registry, options,
-                  [](const PlayedFrame&, const FrameContent&) {});
+                  [&](const PlayedFrame& frame, const FrameContent& content) {
+                    if (command.step || !command.show.empty())
+                      print_frame(frame, content, command.show, types);
+                  });
   };
   const auto result = play();
   print_problems(result);
@@ -112,9 +156,10 @@ int replay_command(const ReplayCommand& command, const StageRegistry& registry) 
       fmt::print("\nreplaying again to compare\n");
       std::fflush(stdout);
       options.out = reference = command.out + ".second";
+      options.pace = nullptr;
       good = play().good() && good;
     }
-    const auto difference = first_difference(command.out, reference);
+    const auto difference = first_difference(command.out, reference, types);
     if (difference.empty()) {
       fmt::print("verified: the same payloads on every channel\n");
       if (command.reference.empty()) fs::remove(reference);

@@ -1,7 +1,5 @@
 #include <fmt/format.h>
-#include <poll.h>
 #include <sys/ioctl.h>
-#include <termios.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -13,6 +11,7 @@
 #include "base/error.hpp"
 #include "stage/clock.hpp"
 #include "tools/weft/commands.hpp"
+#include "tools/weft/keys.hpp"
 #include "tools/weft/run_folder.hpp"
 #include "tools/weft/spy.hpp"
 #include "tools/weft/text_file.hpp"
@@ -22,35 +21,17 @@ namespace {
 
 using std::chrono::milliseconds;
 
-/// Keys come one by one and unseen; the screen is as before when this ends.
-class Terminal {
+/// A screen of its own; what was there is back when this ends.
+class Screen {
  public:
-  Terminal() {
-    tcgetattr(STDIN_FILENO, &before_);
-    termios raw = before_;
-    raw.c_lflag &= ~static_cast<tcflag_t>(ICANON | ECHO);
-    tcsetattr(STDIN_FILENO, TCSANOW, &raw);
-    std::fputs("\033[?1049h\033[?25l", stdout);
-  }
-  ~Terminal() {
+  Screen() { std::fputs("\033[?1049h\033[?25l", stdout); }
+  ~Screen() {
     std::fputs("\033[?25h\033[?1049l", stdout);
     std::fflush(stdout);
-    tcsetattr(STDIN_FILENO, TCSANOW, &before_);
   }
-  Terminal(const Terminal&) = delete;
-  Terminal& operator=(const Terminal&) = delete;
+  Screen(const Screen&) = delete;
+  Screen& operator=(const Screen&) = delete;
 
-  /// A letter; 'k' and 'j' for the arrows up and down; 0 when no key was pressed.
-  static char key() {
-    pollfd in{STDIN_FILENO, POLLIN, 0};
-    char text[8] = {};
-    if (poll(&in, 1, 0) <= 0) return 0;
-    const auto size = read(STDIN_FILENO, text, sizeof text - 1);
-    if (size <= 0) return 'q';  // the terminal is gone
-    if (size == 3 && text[0] == '\033' && text[1] == '[')
-      return text[2] == 'A' ? 'k' : text[2] == 'B' ? 'j' : 0;
-    return text[0];
-  }
   static void show(const std::vector<std::string>& lines, std::size_t marked) {
     winsize size{};
     if (ioctl(STDOUT_FILENO, TIOCGWINSZ, &size) != 0 || size.ws_row == 0 || size.ws_col == 0)
@@ -66,9 +47,6 @@ class Terminal {
     std::fputs((screen + "\033[J").c_str(), stdout);
     std::fflush(stdout);
   }
-
- private:
-  termios before_{};
 };
 
 stage::LcmUrl url_to_spy(const SpyOptions& options) {
@@ -102,7 +80,8 @@ nlohmann::ordered_json to_json(const std::vector<SpyRow>& rows, const SpyTable& 
 void watch(Bus& bus, SpyTable& table, const std::string& where, double duration_s,
            std::int64_t start_us) {
   constexpr double kWindow_s = 3;
-  Terminal terminal;
+  Keys keys;
+  const Screen screen;
   std::size_t chosen = 0;
   bool open = false;
   std::int64_t drawn_us = 0;
@@ -110,8 +89,8 @@ void watch(Bus& bus, SpyTable& table, const std::string& where, double duration_
     if (const auto message = bus.receive(milliseconds(50))) table.add(*message, stage::now_us());
     const auto now = stage::now_us();
     if (duration_s > 0 && static_cast<double>(now - start_us) * 1e-6 > duration_s) break;
-    const char key = Terminal::key();
-    if (key == 'q') break;
+    const char key = keys.next();
+    if (key == 'q' || key == Keys::kEnd) break;
     if (key == 0 && now - drawn_us < 300'000) continue;
     drawn_us = now;
     const auto rows = table.rows(now, kWindow_s);
@@ -127,7 +106,7 @@ void watch(Bus& bus, SpyTable& table, const std::string& where, double duration_
       lines.emplace_back();
       for (const auto& line : table.fields(rows[chosen].channel)) lines.push_back(line);
     }
-    Terminal::show(lines, marked);
+    Screen::show(lines, marked);
   }
 }
 

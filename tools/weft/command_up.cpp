@@ -7,11 +7,14 @@
 #include <map>
 #include <nlohmann/json.hpp>
 #include <thread>
+#include <tuple>
 
 #include "base/error.hpp"
+#include "base/hash.hpp"
 #include "stage/telemetry.hpp"
 #include "tools/weft/children.hpp"
 #include "tools/weft/commands.hpp"
+#include "tools/weft/doctor.hpp"
 #include "tools/weft/message.hpp"
 #include "tools/weft/run_folder.hpp"
 #include "tools/weft/text_file.hpp"
@@ -36,11 +39,15 @@ std::string this_host() {
 struct Heard {
   weft::stage_status_t first, last;
 };
-void listen(Bus& bus, milliseconds time, std::map<std::string, Heard>& heard) {
+/// A stage by name, host and process number: two of one name are a mistake to be shown.
+using Everyone = std::map<std::tuple<std::string, std::string, std::int32_t>, weft::stage_status_t>;
+void listen(Bus& bus, milliseconds time, std::map<std::string, Heard>& heard,
+            Everyone* everyone = nullptr) {
   const auto message = bus.receive(time);
   if (!message) return;
   const auto status = decode_message<weft::stage_status_t>(message->data);
   if (!status) return;
+  if (everyone) (*everyone)[{status->stage, status->host, status->pid}] = *status;
   auto [at, is_new] = heard.emplace(status->stage, Heard{*status, *status});
   if (at->second.last.header.session != status->header.session) at->second.first = *status;
   at->second.last = *status;
@@ -127,11 +134,12 @@ int status(const StatusOptions& options) {
   const auto processes = folder.processes();
   auto states = folder.states();
   std::map<std::string, Heard> heard;
+  Everyone everyone;
   std::string not_heard;
   try {
     const auto bus = make_lcm_bus(stage::LcmUrl::parse(folder.url()), stage::kStatusChannel);
     const auto end = Clock::now() + milliseconds(static_cast<int>(options.listen_s * 1000));
-    while (Clock::now() < end) listen(*bus, milliseconds(50), heard);
+    while (Clock::now() < end) listen(*bus, milliseconds(50), heard, &everyone);
   } catch (const Error& e) {
     not_heard = e.what();
   }
@@ -139,23 +147,11 @@ int status(const StatusOptions& options) {
   json["set"] = folder.path().filename().string();
   json["supervisor"] = folder.running();
   bool all_well = folder.running() && not_heard.empty();
-  fmt::print("{:<20} {:>7} {:<9} {:>6} {:>8} {:>8} {:>7} {:>6} {:>7} {:>8} {:>7}  {}\n", "process",
-             "pid", "state", "starts", "in", "out", "dropped", "failed", "missing", "frames/s",
-             "MB", "last error");
-  for (const auto& process : processes) {
-    auto& entry = json["processes"][process.name];
-    entry["pid"] = process.pid;
-    entry["supervised"] = states[process.name];
-    entry["starts"] = process.starts;
-    const auto at = heard.find(process.name);
-    if (at == heard.end() || process.pid == 0) {
-      all_well = false;
-      entry["state"] = "silent";
-      fmt::print("{:<20} {:>7} {:<9} {:>6}  supervisor says {}\n", process.name, process.pid,
-                 process.pid == 0 ? "stopped" : "silent", process.starts, states[process.name]);
-      continue;
-    }
-    const auto& [first, last] = at->second;
+  fmt::print("{:<20} {:<12} {:>7} {:<9} {:>6} {:>8} {:>8} {:>7} {:>6} {:>7} {:>8} {:>7}  {}\n",
+             "process", "host", "pid", "state", "starts", "in", "out", "dropped", "failed",
+             "missing", "frames/s", "MB", "last error");
+  const auto show = [&](nlohmann::ordered_json& entry, const Heard& of, const std::string& starts) {
+    const auto& [first, last] = of;
     const double seconds = static_cast<double>(last.header.utime - first.header.utime) * 1e-6;
     const auto answered = [](const weft::stage_status_t& s) {
       return s.frames_out + s.frames_dropped + s.frames_failed + s.frames_missing_input;
@@ -163,7 +159,12 @@ int status(const StatusOptions& options) {
     const double rate =
         seconds > 0 ? static_cast<double>(answered(last) - answered(first)) / seconds : 0;
     all_well = all_well && last.state == weft::stage_status_t::RUNNING;
+    entry["host"] = last.host;
+    entry["pid"] = last.pid;
     entry["state"] = state_name(last.state);
+    entry["build"] = last.build;
+    entry["settings_hash"] = to_hex(static_cast<std::uint64_t>(last.settings_hash));
+    entry["model_hash"] = to_hex(static_cast<std::uint64_t>(last.model_hash));
     entry["frames_in"] = last.frames_in;
     entry["frames_out"] = last.frames_out;
     entry["frames_dropped"] = last.frames_dropped;
@@ -175,10 +176,39 @@ int status(const StatusOptions& options) {
     entry["frames_per_second"] = rate;
     entry["resident_bytes"] = last.resident_bytes;
     entry["last_error"] = last.last_error;
-    fmt::print("{:<20} {:>7} {:<9} {:>6} {:>8} {:>8} {:>7} {:>6} {:>7} {:>8.1f} {:>7.1f}  {}\n",
-               process.name, last.pid, state_name(last.state), process.starts, last.frames_in,
-               last.frames_out, last.frames_dropped, last.frames_failed, last.frames_missing_input,
-               rate, static_cast<double>(last.resident_bytes) / 1e6, last.last_error);
+    fmt::print(
+        "{:<20} {:<12} {:>7} {:<9} {:>6} {:>8} {:>8} {:>7} {:>6} {:>7} {:>8.1f} {:>7.1f}  {}\n",
+        last.stage, last.host, last.pid, state_name(last.state), starts, last.frames_in,
+        last.frames_out, last.frames_dropped, last.frames_failed, last.frames_missing_input, rate,
+        static_cast<double>(last.resident_bytes) / 1e6, last.last_error);
+  };
+  for (const auto& process : processes) {
+    auto& entry = json["processes"][process.name];
+    entry["pid"] = process.pid;
+    entry["supervised"] = states[process.name];
+    entry["starts"] = process.starts;
+    const auto at = heard.find(process.name);
+    if (at == heard.end() || process.pid == 0) {
+      all_well = false;
+      entry["state"] = "silent";
+      fmt::print("{:<20} {:<12} {:>7} {:<9} {:>6}  supervisor says {}\n", process.name, "",
+                 process.pid, process.pid == 0 ? "stopped" : "silent", process.starts,
+                 states[process.name]);
+      continue;
+    }
+    show(entry, at->second, std::to_string(process.starts));
+    heard.erase(at);
+  }
+  // Those of other hosts, and of other sets on this group and port.
+  json["elsewhere"] = nlohmann::ordered_json::object();
+  for (const auto& [name, of] : heard) show(json["elsewhere"][name], of, "");
+  std::vector<weft::stage_status_t> statuses;
+  for (const auto& [key, each] : everyone) statuses.push_back(each);
+  json["problems"] = nlohmann::ordered_json::array();
+  for (const auto& finding : mixed_versions(statuses)) {
+    all_well = false;
+    fmt::print("{}\n  remedy: {}\n", finding.what, finding.remedy);
+    json["problems"].push_back(finding.what);
   }
   if (!folder.running())
     fmt::print(

@@ -31,6 +31,14 @@ struct LogsOptions {
 int logs(const LogsOptions& options);
 int restart(const std::string& process, const std::string& set);
 
+struct DoctorOptions {
+  std::string set;           // file; empty: the machine alone
+  std::string folder = ".";  // where logs are recorded
+  std::string json;
+  double listen_s = 2.5;
+};
+int doctor_command(const DoctorOptions& options, const StageRegistry& registry);
+
 struct SpyOptions {
   std::string set;  // file, or name of a running set; empty: default URL
   std::string url, types, json;
@@ -48,6 +56,11 @@ struct ReplayCommand {
   int window = 4;
   double timeout_s = 60;
   std::vector<std::string> swaps;  // STAGE=EXE
+  LogRange range;
+  double speed = 0;  // of the recorded time; 0: as fast as the stages answer
+  bool step = false;
+  std::vector<std::string> show;  // channels to decode, frame by frame
+  std::string types;
 };
 int replay_command(const ReplayCommand& command, const StageRegistry& registry);
 
@@ -60,6 +73,14 @@ struct DemoCommand {
   bool in_process = false;
 };
 int demo_command(const DemoCommand& command, const StageRegistry& registry);
+
+struct CompareCommand {
+  std::string log_a, log_b, variant, json, html, types;
+  double threshold = 0.2;
+  double overlap = 0.5;
+  int pictures = 24;
+};
+int compare_command(const CompareCommand& command);
 
 int timing_command(const std::string& log, const std::string& json, const std::string& html,
                    const std::string& trace);

@@ -133,6 +133,16 @@ int run(int argc, char** argv) {
   sub->add_option("--set", set_name, "name or file of the set");
   sub->callback([&] { chosen = [&] { return restart(process, set_name); }; });
 
+  DoctorOptions doctor;
+  sub = app.add_subcommand("doctor", "what would stop this machine or a set, and the remedies");
+  sub->add_option("set", doctor.set, "process set to check as well");
+  sub->add_option("--folder", doctor.folder, "where logs are recorded")->capture_default_str();
+  sub->add_option("--listen-s", doctor.listen_s, "how long to listen to the stages that run")
+      ->check(CLI::Range(0.0, 60.0))
+      ->capture_default_str();
+  sub->add_option("--json", doctor.json, "write it to this file");
+  sub->callback([&] { chosen = [&] { return doctor_command(doctor, built_in_stages()); }; });
+
   SpyOptions spy;
   sub = app.add_subcommand("spy", "what is on the air: channels, rates, bandwidth, gaps, fields");
   sub->add_option("set", spy.set, "set file or name of a running set; default: the default URL");
@@ -171,9 +181,45 @@ int run(int argc, char** argv) {
   auto* in_process = sub->add_flag("--in-process", replay.in_process, "all stages in one process");
   sub->add_flag("--attach", replay.attach, "use the processes that run already, in lock-step")
       ->excludes(in_process);
+  sub->add_option("--from-s", replay.range.from_s, "first second, from the log's first frame");
+  sub->add_option("--to-s", replay.range.to_s, "where to end, s from the log's first frame");
+  sub->add_option("--from-frame", replay.range.from_frame, "first frame (seq)");
+  sub->add_option("--to-frame", replay.range.to_frame, "last frame (seq)");
+  sub->add_option("--speed", replay.speed,
+                  "times the recorded speed; default: as fast as the stages answer")
+      ->check(CLI::Range(0.001, 1000.0));
+  sub->add_flag("--step", replay.step, "wait for Enter before every frame; space: go on");
+  sub->add_option("--show", replay.show, "show the messages of this channel, decoded");
+  sub->add_option("--types", replay.types, "folder of .lcm files of your own message types");
   sub->callback([&] {
     replay.verify = verify->count() > 0;
     chosen = [&] { return replay_command(replay, built_in_stages()); };
+  });
+
+  CompareCommand compare;
+  sub = app.add_subcommand("compare", "what differs between two runs, or a run and its variant");
+  sub->add_option("log_a", compare.log_a)->required();
+  auto* log_b = sub->add_option("log_b", compare.log_b);
+  sub->add_option("--variant", compare.variant,
+                  "compare CHANNEL with CHANNEL@VARIANT of one log, instead of two logs")
+      ->excludes(log_b);
+  sub->add_option("--json", compare.json, "write it to this file");
+  sub->add_option("--html", compare.html, "write a page with pictures to this file");
+  sub->add_option("--threshold", compare.threshold, "detections below this do not count")
+      ->check(CLI::Range(0.0, 1.0))
+      ->capture_default_str();
+  sub->add_option("--overlap", compare.overlap,
+                  "intersection over union from which two detections are the same")
+      ->check(CLI::Range(0.01, 1.0))
+      ->capture_default_str();
+  sub->add_option("--pictures", compare.pictures, "frames on the page, the most different first")
+      ->check(CLI::Range(0, 1000))
+      ->capture_default_str();
+  sub->add_option("--types", compare.types, "folder of .lcm files of your own message types");
+  sub->callback([&] {
+    if (compare.log_b.empty() && compare.variant.empty())
+      throw CLI::ValidationError("give a second log, or --variant");
+    chosen = [&] { return compare_command(compare); };
   });
 
   std::string log, json, html, trace;

@@ -110,7 +110,8 @@ void Player::play(std::size_t count, const std::function<SourceFrame(std::size_t
   std::vector<FrameName> order;  // of the frames in flight
   while (sent < count || !order.empty()) {
     while (sent < count && order.size() < static_cast<std::size_t>(options_.window) &&
-           (order.empty() || entry_stages_answered(flights_.at(order.back())))) {
+           (order.empty() || entry_stages_answered(flights_.at(order.back()))) &&
+           (!options_.may_send || options_.may_send(sent))) {
       Flight flight;
       flight.index = sent;
       flight.source = source(sent++);

@@ -22,6 +22,8 @@ struct PlayerOptions {
   std::chrono::milliseconds ready_timeout{60000};   // for all stages to report RUNNING
   std::chrono::milliseconds answer_timeout{60000};  // then a frame counts as unanswered
   std::chrono::milliseconds first_patience{3000};  // before sending again, while a speed is unknown
+  std::function<bool(std::size_t index)>
+      may_send;  // asked often before a frame is sent; empty: yes
 };
 
 /// A stage as its STAGE_STATUS describes it, channels as on the wire.

@@ -5,6 +5,9 @@
 #include <vector>
 
 #include "tools/weft/frame_content.hpp"
+#include "tools/weft/log_tools.hpp"
+#include "tools/weft/message_types.hpp"
+#include "tools/weft/pace.hpp"
 #include "tools/weft/session.hpp"
 #include "tools/weft/timing_report.hpp"
 
@@ -15,6 +18,8 @@ struct ReplayOptions {
   std::string out;           // the log to write; empty: none
   std::string log_folder;    // for what the processes write
   bool open_inputs = false;  // play whatever the stages read and none of them writes
+  LogRange range;            // of the log's frames
+  Pace* pace = nullptr;      // of the caller; null: as fast as the stages answer
   std::size_t frames = 0;    // 0: once over the log; more than that: the log again, as new frames
   PlayerOptions player;
 };
@@ -40,10 +45,11 @@ ReplayResult replay(const ProcessSet& set, Transport transport, const StageRegis
                     const ReplayOptions& options,
                     const std::function<void(const PlayedFrame&, const FrameContent&)>& see);
 
-/// Why two logs are not the same: names the first frame and channel whose payloads differ, are
-/// missing, or are there in one log alone. Empty when they agree on every channel but STAGE_TIMING,
-/// STAGE_STATUS and LCM's own.
-std::string first_difference(const std::string& log_a, const std::string& log_b);
+/// Why two logs are not the same: names the first frame and channel whose payloads differ, with the
+/// fields that differ, or that is there in one log alone. Empty when they agree on every channel
+/// but STAGE_TIMING, STAGE_STATUS and LCM's own.
+std::string first_difference(const std::string& log_a, const std::string& log_b,
+                             const MessageTypes& types = MessageTypes::built_in());
 
 /// "SEQ CHANNEL HASH" for each payload that first_difference would compare, in the log's order.
 std::vector<std::string> payload_hashes(const std::string& log);

@@ -10,7 +10,7 @@
 namespace weft {
 
 SourceLog::SourceLog(const std::string& file, const std::vector<std::string>& channels)
-    : reader_(file) {
+    : file_(file), reader_(file) {
   std::map<FrameName, std::size_t> index;
   std::set<std::uint64_t> seen;
   std::set<std::string> others;
@@ -31,19 +31,7 @@ SourceLog::SourceLog(const std::string& file, const std::vector<std::string>& ch
     const auto [at, is_new] = index.emplace(header->frame, entries_.size());
     if (is_new) {
       entries_.push_back({header->frame, header->utime, {}});
-      const auto& [camera, session_number, seq] = header->frame;
-      auto session = std::find_if(sessions_.begin(), sessions_.end(), [&](const Session& each) {
-        return each.camera == camera && each.session == session_number;
-      });
-      if (session == sessions_.end()) {
-        session = sessions_.insert(
-            session, {camera, session_number, seq, seq, header->utime, header->utime, 0});
-      }
-      session->seq_first = std::min(session->seq_first, seq);
-      session->seq_last = std::max(session->seq_last, seq);
-      session->utime_first = std::min(session->utime_first, header->utime);
-      session->utime_last = std::max(session->utime_last, header->utime);
-      ++session->count;
+      note_session(header->frame, header->utime);
     }
     entries_[at->second].positions.push_back(position);
   }
@@ -55,6 +43,46 @@ SourceLog::SourceLog(const std::string& file, const std::vector<std::string>& ch
     throw Error(file + ": no frame on " + wanted + "; the log holds " +
                 (found.empty() ? "nothing" : found));
   }
+}
+
+void SourceLog::note_session(const FrameName& frame, std::int64_t utime) {
+  const auto& [camera, session_number, seq] = frame;
+  auto session = std::find_if(sessions_.begin(), sessions_.end(), [&](const Session& each) {
+    return each.camera == camera && each.session == session_number;
+  });
+  if (session == sessions_.end()) {
+    session = sessions_.insert(session, {camera, session_number, seq, seq, utime, utime, 0});
+  }
+  session->seq_first = std::min(session->seq_first, seq);
+  session->seq_last = std::max(session->seq_last, seq);
+  session->utime_first = std::min(session->utime_first, utime);
+  session->utime_last = std::max(session->utime_last, utime);
+  ++session->count;
+}
+
+void SourceLog::select(const LogRange& range) {
+  if (!range.has_frames() && !range.has_times()) return;
+  std::int64_t first = entries_.front().utime;
+  for (const auto& entry : entries_) first = std::min(first, entry.utime);
+  std::erase_if(entries_, [&](const Entry& entry) {
+    return !range.holds_frame(entry.name.seq) || !range.holds_time(entry.utime - first);
+  });
+  if (entries_.empty())
+    throw Error(file_ + ": no frame lies in this range; weft log info shows what there is");
+  sessions_.clear();
+  for (const auto& entry : entries_) note_session(entry.name, entry.utime);
+}
+
+std::int64_t SourceLog::utime(std::size_t index) const {
+  const auto& entry = entries_[index % entries_.size()];
+  return entry.utime + pass_us(entry.name) * static_cast<std::int64_t>(index / entries_.size());
+}
+
+std::int64_t SourceLog::pass_us(const FrameName& frame) const {
+  const auto& session = session_of(frame);
+  const std::int64_t span = session.utime_last - session.utime_first;
+  const std::int64_t step = session.count > 1 ? span / (session.count - 1) : 100000;
+  return span + std::max<std::int64_t>(step, 1);
 }
 
 const SourceLog::Session& SourceLog::session_of(const FrameName& frame) const {
@@ -75,10 +103,8 @@ SourceFrame SourceLog::read(std::size_t index) {
   }
   if (pass == 0) return frame;
   const auto& session = session_of(entry.name);
-  const std::int64_t span = session.utime_last - session.utime_first;
-  const std::int64_t step = session.count > 1 ? span / (session.count - 1) : 100000;
   frame.name.seq += pass * (session.seq_last - session.seq_first + 1);
-  frame.utime += pass * (span + std::max<std::int64_t>(step, 1));
+  frame.utime = utime(index);
   for (auto& event : frame.events)
     event.data = rename_frame(event.data, frame.name.seq, frame.utime);
   return frame;

@@ -7,6 +7,7 @@
 
 #include "stage/log.hpp"
 #include "tools/weft/frame_name.hpp"
+#include "tools/weft/log_tools.hpp"
 
 namespace weft {
 
@@ -24,6 +25,10 @@ class SourceLog {
   /// Reads the log once. Throws Error when it holds no frame on these channels.
   SourceLog(const std::string& file, const std::vector<std::string>& channels);
 
+  /// Leaves out the frames that are not in this range; times count from the first frame of all.
+  /// Throws Error when none is left.
+  void select(const LogRange& range);
+  std::int64_t utime(std::size_t index) const;
   /// What of the log could not be read.
   const std::vector<stage::LogReader::Damage>& damage() const { return damage_; }
   /// Frames in one pass over the log.
@@ -33,6 +38,7 @@ class SourceLog {
   SourceFrame read(std::size_t index);
 
  private:
+  void note_session(const FrameName& frame, std::int64_t utime);
   struct Entry {
     FrameName name;
     std::int64_t utime = 0;
@@ -48,6 +54,8 @@ class SourceLog {
     std::int64_t count = 0;
   };
   const Session& session_of(const FrameName& frame) const;
+  std::int64_t pass_us(const FrameName& frame) const;  // by how much one pass advances the time
+  std::string file_;
   stage::LogReader reader_;
   std::vector<stage::LogReader::Damage> damage_;
   std::vector<Entry> entries_;

@@ -1,0 +1,218 @@
+#include "tools/weft/doctor.hpp"
+
+#include <fmt/format.h>
+#include <sys/statvfs.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cstdlib>
+#include <filesystem>
+#include <map>
+#include <set>
+
+#include "base/error.hpp"
+#include "base/hash.hpp"
+#include "stage/lcm_url.hpp"
+#include "stage/net_namespace.hpp"
+#include "tools/weft/text_file.hpp"
+
+namespace weft {
+namespace {
+
+namespace fs = std::filesystem;
+using Kind = Finding::Kind;
+
+std::string joined(const std::set<std::string>& list) {
+  std::string text;
+  for (const auto& each : list) text += (text.empty() ? "" : ", ") + each;
+  return text;
+}
+
+/// A line of a file in /sys, without its end.
+std::string sys_line(const fs::path& file) {
+  auto text = read_text_file(file);
+  while (!text.empty() && text.back() == '\n') text.pop_back();
+  return text;
+}
+
+/// Depth cameras that OpenNI2 drives, by USB vendor and product ("" for any).
+std::vector<Finding> check_cameras() {
+  static const std::pair<const char*, const char*> known[] = {
+      {"1d27", ""}, {"045e", "02ae"}, {"045e", "02bf"}, {"2bc5", ""}};
+  std::vector<Finding> findings;
+  std::error_code none;
+  for (const auto& device : fs::directory_iterator("/sys/bus/usb/devices", none)) {
+    const auto vendor = sys_line(device.path() / "idVendor");
+    const auto product = sys_line(device.path() / "idProduct");
+    const bool camera = std::any_of(std::begin(known), std::end(known), [&](const auto& each) {
+      return vendor == each.first && (*each.second == '\0' || product == each.second);
+    });
+    if (!camera) continue;
+    const auto node = fmt::format("/dev/bus/usb/{:0>3}/{:0>3}", sys_line(device.path() / "busnum"),
+                                  sys_line(device.path() / "devnum"));
+    const auto name = fmt::format("depth camera {}:{} at {}", vendor, product, node);
+    if (access(node.c_str(), R_OK | W_OK) == 0) {
+      findings.push_back({Kind::kGood, name + " may be used", ""});
+    } else {
+      findings.push_back(
+          {Kind::kBad, name + " may not be opened by this user",
+           fmt::format("echo 'SUBSYSTEM==\"usb\", ATTR{{idVendor}}==\"{}\", MODE=\"0666\"' | sudo "
+                       "tee /etc/udev/rules.d/60-weft-camera.rules && sudo udevadm control "
+                       "--reload && sudo udevadm trigger",
+                       vendor)});
+    }
+  }
+  if (findings.empty())
+    findings.push_back({Kind::kGood, "no depth camera is plugged in: only logs and data sets", ""});
+  return findings;
+}
+
+Finding check_disk(const std::string& folder) {
+  constexpr double kRecord_MB_s = 6;  // VGA, 30 frames a second, compressed
+  struct statvfs info {};
+  if (statvfs(folder.c_str(), &info) != 0)
+    return {Kind::kWarning, folder + ": cannot tell how much space is left", "mkdir -p " + folder};
+  const double free_MB =
+      static_cast<double>(info.f_bavail) * static_cast<double>(info.f_frsize) / 1e6;
+  const auto text = fmt::format("{:.1f} GB are free in {}: about {:.0f} minutes of recording",
+                                free_MB / 1000, folder, free_MB / kRecord_MB_s / 60);
+  if (free_MB > 5000) return {Kind::kGood, text, ""};
+  return {Kind::kWarning, text, "remove old logs there, or record on another disk"};
+}
+
+}  // namespace
+
+std::vector<Finding> mixed_versions(const std::vector<weft::stage_status_t>& statuses) {
+  std::vector<Finding> findings;
+  std::map<std::string, std::set<std::string>> processes, builds;
+  struct End {
+    std::string stage, type;
+    std::int64_t fingerprint = 0;
+  };
+  std::map<std::string, std::vector<End>> channels;
+  for (const auto& status : statuses) {
+    const auto process = fmt::format("{} (process {})", status.host, status.pid);
+    processes[status.stage].insert(process);
+    builds[status.build].insert(status.stage);
+    for (const auto& port : status.fingerprints)
+      channels[port.channel].push_back({status.stage, port.type, port.fingerprint});
+  }
+  for (const auto& [stage, where] : processes) {
+    if (where.size() > 1)
+      findings.push_back({Kind::kBad, "several processes are " + stage + ": " + joined(where),
+                          "stop one, give it another name, or give its set another group or port "
+                          "under lcm: so that the sets do not hear each other"});
+  }
+  for (const auto& [channel, ends] : channels) {
+    for (const auto& end : ends) {
+      if (end.fingerprint == ends.front().fingerprint) continue;
+      findings.push_back(
+          {Kind::kBad,
+           fmt::format("{}: {} takes it for {} {}, {} for {} {}; its messages do not decode",
+                       channel, ends.front().stage, ends.front().type,
+                       to_hex(static_cast<std::uint64_t>(ends.front().fingerprint)), end.stage,
+                       end.type, to_hex(static_cast<std::uint64_t>(end.fingerprint))),
+           "build both from the same lcmtypes/, or map one of them to another channel"});
+      break;
+    }
+  }
+  if (builds.size() > 1) {
+    std::string text = "several builds run together:";
+    for (const auto& [build, stages] : builds) text += " " + build + " (" + joined(stages) + ")";
+    findings.push_back({Kind::kWarning, text, "update and build on every host: ./weft build"});
+  }
+  // Instances of one name before the '@' are variants on purpose; others of one name were found.
+  std::map<std::string, std::set<std::string>> models;
+  for (const auto& status : statuses)
+    models[status.stage].insert(to_hex(static_cast<std::uint64_t>(status.model_hash)));
+  for (const auto& [stage, hashes] : models) {
+    if (hashes.size() > 1)
+      findings.push_back({Kind::kBad, stage + " runs with several models: " + joined(hashes),
+                          "copy one config/models folder to every host"});
+  }
+  return findings;
+}
+
+std::vector<Finding> check_set(const ProcessSet& set, const StageRegistry& registry,
+                               const std::string& host) {
+  std::vector<Finding> findings;
+  std::set<std::string> hosts;
+  for (const auto& process : set.processes) {
+    if (!process.host.empty()) hosts.insert(process.host);
+    if (!process.host.empty() && process.host != host) continue;
+    try {
+      find_program(set, process);
+      const auto factory = registry.find(process.exec);
+      if (factory == registry.end()) {
+        findings.push_back({Kind::kGood, process.name + ": its program is there", ""});
+        continue;
+      }
+      auto settings = process.settings.empty() ? Settings::empty(process.name)
+                                               : Settings::from_file(process.settings.string());
+      for (const auto& assignment : process.with) settings.set(assignment);
+      const auto made = factory->second(settings);
+      findings.push_back({Kind::kGood,
+                          fmt::format("{}: program, settings and models (hash {})", process.name,
+                                      to_hex(made->interface().model_hash)),
+                          ""});
+    } catch (const Error& e) {
+      findings.push_back({Kind::kBad, process.name + ": " + e.what(),
+                          "put right what the message names in " + set.file.string() +
+                              " or the settings it names"});
+    }
+  }
+  if (hosts.size() > 1 && set.ttl == 0)
+    findings.push_back({Kind::kBad,
+                        "the set runs on several hosts (" + joined(hosts) +
+                            "), but its messages do not leave this one",
+                        "in " + set.file.string() + ": lcm: {ttl: 1}"});
+  if (set.ttl > 1)
+    findings.push_back({Kind::kWarning,
+                        fmt::format("ttl {} carries the messages beyond this LAN", set.ttl),
+                        "in " + set.file.string() + ": lcm: {ttl: 1}"});
+  return findings;
+}
+
+std::vector<Finding> check_machine(const stage::LcmUrl& url, const std::string& record_folder) {
+  std::vector<Finding> findings;
+  std::string why;
+  if (stage::multicast_works(why)) {
+    findings.push_back({Kind::kGood, "multicast messages come back to this machine", ""});
+  } else {
+    findings.push_back({Kind::kBad, "no multicast: " + why,
+                        "sudo ip link set lo up multicast on && sudo ip route add 224.0.0.0/4 dev "
+                        "lo (this machine alone; for a LAN: dev and the name of its interface)"});
+  }
+  const int limit = stage::receive_buffer_limit();
+  const auto warning = stage::receive_buffer_warning(url, limit);
+  const std::string setting = "net.core.rmem_max=" + std::to_string(url.recv_buf_size);
+  findings.push_back(
+      warning.empty()
+          ? Finding{Kind::kGood,
+                    fmt::format("receive buffers of {} bytes are granted", url.recv_buf_size), ""}
+          : Finding{Kind::kWarning,
+                    fmt::format("receive buffers are limited to {} bytes, {} are wanted: messages "
+                                "may get lost in bursts",
+                                limit, url.recv_buf_size),
+                    "sudo sysctl -w " + setting + "; to keep it: echo " + setting +
+                        " | sudo tee /etc/sysctl.d/60-weft.conf"});
+  for (auto& finding : check_cameras()) findings.push_back(std::move(finding));
+  findings.push_back(check_disk(record_folder));
+  return findings;
+}
+
+Finding judge_clock(const HostClock& clock) {
+  constexpr std::int64_t kApart_us = 5000;
+  const double ms = static_cast<double>(clock.arrived_minus_sent_us) / 1000;
+  if (std::abs(clock.arrived_minus_sent_us) <= kApart_us)
+    return {Kind::kGood, fmt::format("clock of {}: within {:.1f} ms", clock.host, std::abs(ms)),
+            ""};
+  return {Kind::kWarning,
+          fmt::format("clock of {}: {:.1f} ms {} this one's; latencies across hosts are wrong by "
+                      "that",
+                      clock.host, std::abs(ms), ms > 0 ? "behind" : "ahead of"),
+          "on both hosts: sudo apt-get install chrony, with the same server in "
+          "/etc/chrony/chrony.conf"};
+}
+
+}  // namespace weft
