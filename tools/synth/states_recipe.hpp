@@ -8,7 +8,7 @@ namespace weft::synth {
 struct StatesRecipe {
   int seed = 1;
   int simulations = 44;
-  int attempts = 5;
+  int attempts = 10;
   int scenes = 400;
   int views = 4;
   int samples = 2;
@@ -31,7 +31,7 @@ struct StatesRecipe {
 struct SequencesRecipe {
   int seed = 1;
   int simulations = 44;
-  int attempts = 5;
+  int attempts = 10;
   int scenes = 4;
   double seconds = 20.0;
   int samples = 1;
