@@ -103,9 +103,9 @@ class SlowFpfh {
     Bins result;
     const Eigen::Vector3d cross = d.cross(u);
     const double sine = cross.norm() / d.norm();
-    const double tolerance = 2e-6 + 4e-7 / (sine * sine);
+    const double tolerance = 1e-6 + 1e-6 / sine;
     result.defined = cross.norm() > 1e-10;
-    result.tie = sine < 2e-3;
+    result.tie = sine < 1e-4;
     if (!result.defined) return result;
     const Eigen::Vector3d v = cross.normalized(), w = u.cross(v);
     const std::array<double, 3> share = {(std::atan2(w.dot(n), u.dot(n)) + M_PI) / (2 * M_PI),

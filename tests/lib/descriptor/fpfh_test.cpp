@@ -5,9 +5,7 @@
 #include <opencv2/core.hpp>
 
 #include "base/error.hpp"
-#include "rgbd/pcd_io.hpp"
-#include "support/analytic_scene.hpp"
-#include "support/files.hpp"
+#include "support/fpfh_scenes.hpp"
 #include "support/slow_fpfh.hpp"
 #include "support/table_scene.hpp"
 
@@ -23,20 +21,6 @@ FpfhOptions options_with(double radius_m, int min_neighbours = 1) {
   options.radius_m = radius_m;
   options.min_neighbours = min_neighbours;
   return options;
-}
-
-// Cloth with wrinkles and a fold that lies 3 cm above it, holes and noise.
-test::AnalyticScene wrinkled(int width, int height) {
-  test::AnalyticScene scene;
-  scene.camera = {width, height, 525.0, 525.0, 0.5 * width, 0.5 * height - 1.0};
-  scene.layers[0].height_m = [](double x, double y) {
-    return 0.006 * std::sin(150 * x + 60 * y) * std::sin(90 * y);
-  };
-  scene.layers.push_back({[](double x, double) { return 0.03 + 0.1 * x; },
-                          [](double x, double y) { return x > 0.02 && y < 0.5 * x; }});
-  scene.holes = width * height / 1500;
-  scene.missing_px = width * height / 100;
-  return scene;
 }
 
 void expect_definition(const rgbd::Surface& surface, const cv::Mat& normals, double radius_m,
@@ -72,7 +56,7 @@ void expect_definition(const rgbd::Surface& surface, const cv::Mat& normals, dou
 
 TEST(Fpfh, AgreesWithTheDefinition) {
   for (const double radius_m : {0.025, 0.011}) {
-    const auto view = test::render(wrinkled(93, 71));
+    const auto view = test::render(test::folded_cloth(93, 71));
     const auto normals = rgbd::estimate_normals(view.surface, {}, 1);
     expect_definition(view.surface, normals, radius_m, make_grid(93, 71, {11, 3}));
   }
@@ -80,39 +64,25 @@ TEST(Fpfh, AgreesWithTheDefinition) {
 
 // Near the camera a row of offsets is longer than what the kernel takes at once.
 TEST(Fpfh, AgreesWithTheDefinitionNearTheCamera) {
-  auto scene = wrinkled(150, 12);
+  auto scene = test::folded_cloth(150, 12);
   scene.distance_m = 0.25;
   scene.layers.pop_back();
   const auto view = test::render(scene);
   expect_definition(view.surface, view.normals, 0.025, make_grid(150, 12, {9, 2}));
 }
 
-void expect_definition_on_scan(const std::string& scan, cv::Rect part) {
+void expect_definition_on_scan(const char* scan, cv::Rect part) {
   const auto path = test::data_folder() / scan;
   WEFT_NEEDS_DATA(path);
-  const auto cloud = rgbd::read_pcd(path);
-  rgbd::Surface surface;
-  surface.camera = rgbd::fit_camera(cloud, scan).camera;
-  surface.camera.cx -= part.x;
-  surface.camera.cy -= part.y;
-  surface.camera.width = part.width;
-  surface.camera.height = part.height;
-  surface.points_m.create(part.size(), CV_32FC3);
-  for (int y = 0; y < part.height; ++y) {
-    for (int x = 0; x < part.width; ++x) {
-      const auto at = static_cast<std::size_t>((part.y + y) * cloud.width + part.x + x);
-      surface.points_m.at<cv::Vec3f>(y, x) = {cloud.points[at].x(), cloud.points[at].y(),
-                                              cloud.points[at].z()};
-    }
-  }
+  const auto surface = test::scan_part(path, part);
   const auto normals = rgbd::estimate_normals(surface, {}, 1);
   expect_definition(surface, normals, 0.025, make_grid(part.width, part.height, {13, 5}));
 }
 TEST(Fpfh, AgreesWithTheDefinitionOnTowel) {
-  expect_definition_on_scan("uc3m-garments/pcd/20150902_towel02_2_fold.pcd", {280, 180, 90, 70});
+  expect_definition_on_scan(test::kTowelScan, {280, 180, 90, 70});
 }
 TEST(Fpfh, AgreesWithTheDefinitionOnOffice) {
-  expect_definition_on_scan("pcl-scans/office1.pcd", {200, 200, 130, 90});
+  expect_definition_on_scan(test::kOfficeScan, {200, 200, 130, 90});
 }
 
 // Values that follow from geometry alone.
@@ -162,7 +132,7 @@ TEST(Fpfh, PlaneAndSphere) {
 TEST(Fpfh, SameBitsOnEveryPathAndThreadCount) {
   if (!simd_path_available(SimdPath::kAvx2)) GTEST_SKIP() << "AVX2: this processor has none";
   for (const int width : {67, 150}) {
-    const auto view = test::render(wrinkled(width, 80));
+    const auto view = test::render(test::folded_cloth(width, 80));
     const auto normals = rgbd::estimate_normals(view.surface, {}, 1);
     for (const double radius_m : {0.025, 0.04}) {
       const Grid grid = make_grid(width, 80, {5, 2});
@@ -231,7 +201,7 @@ FloatField describe_all(const rgbd::Surface& surface, const cv::Mat& normals, in
 }
 
 TEST(Fpfh, NothingWhereThereIsNothing) {
-  auto scene = wrinkled(40, 30);
+  auto scene = test::folded_cloth(40, 30);
   scene.holes = scene.missing_px = 0;
   scene.layers.pop_back();
   const auto scan = test::render(scene);
@@ -281,7 +251,7 @@ TEST(Fpfh, NothingWhereThereIsNothing) {
 }
 
 TEST(Fpfh, MinNeighboursArePairsOfThePoint) {
-  const auto view = test::render(wrinkled(60, 50));
+  const auto view = test::render(test::folded_cloth(60, 50));
   const auto normals = rgbd::estimate_normals(view.surface, {}, 1);
   const auto all = describe_all(view.surface, normals, 1);
   const auto some = describe_all(view.surface, normals, 250);
@@ -311,7 +281,7 @@ TEST(Fpfh, OnePixel) {
 }
 
 TEST(Fpfh, RefusesWhatDoesNotFit) {
-  const auto view = test::render(wrinkled(40, 30));
+  const auto view = test::render(test::folded_cloth(40, 30));
   const FpfhDescriptor fpfh{FpfhOptions{}};
   const auto mask = everywhere(view.normals);
   const Grid grid = make_grid(40, 30, {});
