@@ -45,6 +45,7 @@ void set_errors(nlohmann::json& figures, std::vector<double> errors);
 
 /// Each returns null where the scan has nothing for it.
 nlohmann::json bench_finddd(const Scan& scan, const Settings& settings);
+nlohmann::json bench_fpfh(const Scan& scan, const Settings& settings);
 nlohmann::json bench_gdh(const Scan& scan, const Settings& settings);
 nlohmann::json bench_hks(const Scan& scan, const Settings& settings);
 nlohmann::json bench_sift(const Scan& scan, const Settings& settings);

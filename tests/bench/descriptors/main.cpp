@@ -21,8 +21,8 @@ using namespace weft::bench;  // NOLINT
 
 const std::vector<std::pair<std::string, nlohmann::json (*)(const Scan&, const Settings&)>>
     kBenches = {
-        {"finddd", bench_finddd}, {"gdh", bench_gdh},     {"hks", bench_hks},
-        {"sift", bench_sift},     {"words", bench_words},
+        {"finddd", bench_finddd}, {"fpfh", bench_fpfh}, {"gdh", bench_gdh},
+        {"hks", bench_hks},       {"sift", bench_sift}, {"words", bench_words},
 };
 
 // A wrinkled shirt on a table, with holes in the depth: there is always one scan.
