@@ -4,8 +4,10 @@
 #include <algorithm>
 #include <chrono>
 #include <cstdio>
+#include <filesystem>
 #include <map>
 #include <nlohmann/json.hpp>
+#include <optional>
 #include <thread>
 #include <tuple>
 
@@ -18,11 +20,14 @@
 #include "tools/weft/message.hpp"
 #include "tools/weft/run_folder.hpp"
 #include "tools/weft/text_file.hpp"
+#include "tools/weft/timing_report.hpp"
 #include "weft/stage_status_t.hpp"
+#include "weft/stage_timing_t.hpp"
 
 namespace weft {
 namespace {
 
+namespace fs = std::filesystem;
 using Clock = std::chrono::steady_clock;
 using std::chrono::milliseconds;
 
@@ -41,10 +46,19 @@ struct Heard {
 };
 /// A stage by name, host and process number: two of one name are a mistake to be shown.
 using Everyone = std::map<std::tuple<std::string, std::string, std::int32_t>, weft::stage_status_t>;
+/// From a frame's last input to its answer, ms, by stage.
+using Latencies = std::map<std::string, std::vector<double>>;
 void listen(Bus& bus, milliseconds time, std::map<std::string, Heard>& heard,
-            Everyone* everyone = nullptr) {
+            Everyone* everyone = nullptr, Latencies* latencies = nullptr) {
   const auto message = bus.receive(time);
   if (!message) return;
+  if (message->channel == stage::kTimingChannel) {
+    const auto timing = decode_message<weft::stage_timing_t>(message->data);
+    if (timing && latencies)
+      (*latencies)[timing->stage].push_back(
+          static_cast<double>(timing->published_utime - timing->received_utime) * 1e-3);
+    return;
+  }
   const auto status = decode_message<weft::stage_status_t>(message->data);
   if (!status) return;
   if (everyone) (*everyone)[{status->stage, status->host, status->pid}] = *status;
@@ -130,26 +144,44 @@ int down(const std::string& set) {
 }
 
 int status(const StatusOptions& options) {
-  const auto folder = RunFolder::find(options.set);
-  const auto processes = folder.processes();
-  auto states = folder.states();
+  // A host that runs nothing of the set listens all the same, where the set file says.
+  std::optional<RunFolder> folder;
+  stage::LcmUrl url;
+  std::string title;
+  if (fs::is_regular_file(options.set)) {
+    const auto set = ProcessSet::from_file(options.set);
+    title = set.name;
+    url = url_of(set);
+    if (fs::exists(run_root() / set.name / "set.json")) folder = RunFolder::find(set.name);
+  } else {
+    folder = RunFolder::find(options.set);
+    title = folder->path().filename().string();
+    url = stage::LcmUrl::parse(folder->url());
+  }
+  std::vector<RunFolder::Process> processes;
+  if (folder) processes = folder->processes();
+  std::map<std::string, std::string> states;
+  if (folder) states = folder->states();
   std::map<std::string, Heard> heard;
   Everyone everyone;
+  Latencies latencies;
   std::string not_heard;
   try {
-    const auto bus = make_lcm_bus(stage::LcmUrl::parse(folder.url()), stage::kStatusChannel);
+    const auto bus = make_lcm_bus(url, std::string("STAGE_(STATUS|TIMING)"));
     const auto end = Clock::now() + milliseconds(static_cast<int>(options.listen_s * 1000));
-    while (Clock::now() < end) listen(*bus, milliseconds(50), heard, &everyone);
+    while (Clock::now() < end) listen(*bus, milliseconds(50), heard, &everyone, &latencies);
   } catch (const Error& e) {
     not_heard = e.what();
   }
   nlohmann::ordered_json json;
-  json["set"] = folder.path().filename().string();
-  json["supervisor"] = folder.running();
-  bool all_well = folder.running() && not_heard.empty();
-  fmt::print("{:<20} {:<12} {:>7} {:<9} {:>6} {:>8} {:>8} {:>7} {:>6} {:>7} {:>8} {:>7}  {}\n",
-             "process", "host", "pid", "state", "starts", "in", "out", "dropped", "failed",
-             "missing", "frames/s", "MB", "last error");
+  const bool supervised = folder && folder->running();
+  json["set"] = title;
+  json["supervisor"] = supervised;
+  bool all_well = (supervised || (!folder && !heard.empty())) && not_heard.empty();
+  fmt::print(
+      "{:<20} {:<12} {:>7} {:<9} {:>6} {:>8} {:>8} {:>7} {:>6} {:>7} {:>8} {:>7} {:>7}  {}\n",
+      "process", "host", "pid", "state", "starts", "in", "out", "dropped", "failed", "missing",
+      "frames/s", "p95 ms", "MB", "last error");
   const auto show = [&](nlohmann::ordered_json& entry, const Heard& of, const std::string& starts) {
     const auto& [first, last] = of;
     const double seconds = static_cast<double>(last.header.utime - first.header.utime) * 1e-6;
@@ -174,13 +206,21 @@ int status(const StatusOptions& options) {
     entry["decode_failures"] = last.decode_failures;
     entry["invalid_inputs"] = last.invalid_inputs;
     entry["frames_per_second"] = rate;
+    // Of the frames answered while listening; none of them, no figure.
+    const auto took = latencies.find(last.stage);
+    std::string p95 = "-";
+    if (took != latencies.end()) {
+      entry["p95_ms"] = quantiles(took->second).p95;
+      p95 = fmt::format("{:.1f}", quantiles(took->second).p95);
+    }
     entry["resident_bytes"] = last.resident_bytes;
     entry["last_error"] = last.last_error;
     fmt::print(
-        "{:<20} {:<12} {:>7} {:<9} {:>6} {:>8} {:>8} {:>7} {:>6} {:>7} {:>8.1f} {:>7.1f}  {}\n",
+        "{:<20} {:<12} {:>7} {:<9} {:>6} {:>8} {:>8} {:>7} {:>6} {:>7} {:>8.1f} {:>7} {:>7.1f}  "
+        "{}\n",
         last.stage, last.host, last.pid, state_name(last.state), starts, last.frames_in,
         last.frames_out, last.frames_dropped, last.frames_failed, last.frames_missing_input, rate,
-        static_cast<double>(last.resident_bytes) / 1e6, last.last_error);
+        p95, static_cast<double>(last.resident_bytes) / 1e6, last.last_error);
   };
   for (const auto& process : processes) {
     auto& entry = json["processes"][process.name];
@@ -210,7 +250,10 @@ int status(const StatusOptions& options) {
     fmt::print("{}\n  remedy: {}\n", finding.what, finding.remedy);
     json["problems"].push_back(finding.what);
   }
-  if (!folder.running())
+  if (!folder)
+    fmt::print("this host runs nothing of {}; heard on {}: {} processes\n", title, url.to_string(),
+               everyone.size());
+  else if (!supervised)
     fmt::print(
         "the supervisor is not running; weft down cleans up, weft up starts the set again\n");
   if (!not_heard.empty()) fmt::print("cannot listen to the processes: {}\n", not_heard);
