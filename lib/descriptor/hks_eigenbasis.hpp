@@ -15,7 +15,8 @@ struct HeatMode {
 
 /// The `count` smallest, or all when there are fewer, of the part of the patch that hangs together
 /// with the centre: shift and invert with a slightly negative shift. Throws Error when they do not
-/// converge.
+/// converge. Spectra and Eigen's sparse solvers call libm only for the power of a constant, which
+/// is the same with and without fused multiply-add, so the bits are as elsewhere.
 std::vector<HeatMode> smallest_modes(const SurfaceMesh& mesh, cv::Rect patch, cv::Point centre,
                                      int count);
 

@@ -33,7 +33,7 @@ struct HksOptions {
     v.field("patch_mm", patch_mm, {1.0, 1000.0}, "mm",
             "side of the patch in the rectified view: 60 px at the paper's 750 px/m");
     v.field("stride_px", stride_px, {1, 8}, "px",
-            "the mesh has every so manieth pixel of a row and column, must divide the grid's step; "
+            "the mesh has one pixel in so many of a row and a column; must divide the grid's step; "
             "2 is about 7 times faster and another descriptor at times below the mesh's spacing");
     v.field("t_min_mm2", t_min_mm2, {0.01, 1000.0}, "mm^2",
             "first time; heat spreads over about 2 sqrt(t), so that 0.5 is one pixel");
