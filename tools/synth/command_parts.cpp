@@ -5,48 +5,24 @@
 #include <chrono>
 #include <filesystem>
 #include <memory>
-#include <sstream>
-#include <thread>
 
 #include "base/project.hpp"
-#include "base/settings.hpp"
 #include "synth/blender.hpp"
 #include "synth/commands.hpp"
 #include "synth/dataset_maker.hpp"
+#include "synth/recipe_command.hpp"
 #include "synth/run_control.hpp"
 #include "synth/text_file.hpp"
 
 namespace weft::synth {
 namespace {
 
-struct Command {
-  std::string out, recipe, simulations;
-  std::vector<std::string> overrides;
-  int jobs = std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
-  int scenes = 0, seed = -1;
-};
-
-PartsRecipe read_recipe(const Command& command) {
-  auto settings = Settings::from_file(
-      command.recipe.empty() ? find_in_project("config/synth/parts.yaml") : command.recipe);
-  for (const auto& assignment : command.overrides) settings.set(assignment);
-  PartsRecipe recipe;
-  settings.read(recipe);
-  if (command.scenes > 0) recipe.scenes = command.scenes;
-  if (command.seed >= 0) recipe.seed = command.seed;
-  return recipe;
+PartsRecipe parts_recipe(const RecipeCommand& command) {
+  return read_recipe<PartsRecipe>(
+      command, command.recipe.empty() ? find_in_project("config/synth/parts.yaml") : "");
 }
 
-/// Values without their explanations, whose wording changes no scene.
-template <class Options>
-std::string values(const Options& options) {
-  std::istringstream in(options_to_yaml(options));
-  std::string out;
-  for (std::string line; std::getline(in, line);) out += line.substr(0, line.find("  # ")) + "\n";
-  return out;
-}
-
-int make(const Command& command, SimulationSource& simulations, const MakeOptions& options) {
+int make(const RecipeCommand& command, SimulationSource& simulations, const MakeOptions& options) {
   catch_stop_signals();
   ProgressLine line;
   const auto start = std::chrono::steady_clock::now();
@@ -75,34 +51,18 @@ int make(const Command& command, SimulationSource& simulations, const MakeOption
   return progress.failed == 0 ? 0 : 1;
 }
 
-CLI::App* add_common(CLI::App& app, const char* name, const char* summary,
-                     const std::shared_ptr<Command>& command) {
-  auto* sub = app.add_subcommand(name, summary);
-  sub->add_option("--out", command->out, "folder of the data set; what is finished in it is kept")
-      ->required();
-  sub->add_option("--seed", command->seed, "of everything that is drawn; default: the recipe's")
-      ->check(CLI::Range(0, 1 << 30));
-  sub->add_option("--jobs", command->jobs, "processes and threads; changes no byte of the set")
-      ->check(CLI::Range(1, 256))
-      ->capture_default_str();
-  sub->add_option("--recipe", command->recipe, "YAML file; default: config/synth/parts.yaml");
-  sub->add_option("--set", command->overrides, "an option of the recipe, e.g. render.views=3")
-      ->type_name("KEY=VALUE");
-  return sub;
-}
-
 }  // namespace
 
 void add_parts_command(CLI::App& app, Chosen& chosen) {
-  const auto command = std::make_shared<Command>();
-  auto* sub = add_common(
+  const auto command = std::make_shared<RecipeCommand>();
+  auto* sub = add_recipe_command(
       app, "parts", "the garment parts set: simulates garments (with Blender) and renders them",
-      command);
+      "render.views=2", *command);
   sub->add_option("--scenes", command->scenes, "scenes in all; default: the recipe's")
       ->check(CLI::Range(1, 100000));
   sub->callback([&chosen, command] {
     chosen = [command] {
-      const auto recipe = read_recipe(*command);
+      const auto recipe = parts_recipe(*command);
       const int views = recipe.render.views;
       const auto simulations = simulations_by_blender(
           (std::filesystem::path(command->out) / "simulations").string(), recipe.seed,
@@ -113,25 +73,28 @@ void add_parts_command(CLI::App& app, Chosen& chosen) {
            .scenes = recipe.scenes,
            .render = recipe.render,
            .settings = fmt::format("simulator: {}\nseed: {}\n", blender_version(), recipe.seed) +
-                       values(recipe.simulation) + values(recipe.render),
+                       without_explanations(options_to_yaml(recipe.simulation)) +
+                       without_explanations(options_to_yaml(recipe.render)),
            .jobs = command->jobs});
     };
   });
 }
 
 void add_render_command(CLI::App& app, Chosen& chosen) {
-  const auto command = std::make_shared<Command>();
-  auto* sub = add_common(app, "render", "a set of all views of simulations that are there already",
-                         command);
+  const auto command = std::make_shared<RecipeCommand>();
+  auto* sub =
+      add_recipe_command(app, "render", "a set of all views of simulations that are there already",
+                         "render.views=2", *command);
   sub->add_option("simulations", command->simulations, "folder of .wsim files")->required();
   sub->callback([&chosen, command] {
     chosen = [command] {
-      const auto recipe = read_recipe(*command);
+      const auto recipe = parts_recipe(*command);
       return make(*command, *simulations_of_folder(command->simulations),
                   {.seed = recipe.seed,
                    .scenes = 0,
                    .render = recipe.render,
-                   .settings = fmt::format("seed: {}\n", recipe.seed) + values(recipe.render),
+                   .settings = fmt::format("seed: {}\n", recipe.seed) +
+                               without_explanations(options_to_yaml(recipe.render)),
                    .jobs = command->jobs});
     };
   });

@@ -41,23 +41,34 @@ def shares(text):
     return found
 
 
-def arguments():
-    parser = argparse.ArgumentParser(prog="simulate", description="simulate a garment on a table")
+def common_arguments(prog, description, vertices):
+    """A parser of what every simulating script takes."""
+    parser = argparse.ArgumentParser(prog=prog, description=description)
     parser.add_argument("--out", required=True)
     parser.add_argument("--seed", type=int, required=True)
     parser.add_argument("--index", type=int, required=True)
-    parser.add_argument("--garments", type=names, default=list(ROUND), help="types, in a new order each round")
-    parser.add_argument("--state-shares", type=shares, default=list(states.SHARES), help=" ".join(states.STATES))
-    parser.add_argument("--held-out-share", type=float, default=0.25)
-    parser.add_argument("--turned-over-share", type=float, default=0.3)
-    parser.add_argument("--vertices", type=int, default=4600)
+    parser.add_argument("--vertices", type=int, default=vertices)
     parser.add_argument("--attempts", type=int, default=3)
+    return parser
+
+
+def parse(parser):
+    """The arguments after Blender's own `--`."""
     args = parser.parse_args(sys.argv[sys.argv.index("--") + 1 :] if "--" in sys.argv else [])
     if args.index < 0 or args.seed < 0 or args.attempts < 1:
         parser.error("--index and --seed must not be negative, --attempts at least 1")
     if os.environ.get("OMP_NUM_THREADS") != "1":
         parser.error("set OMP_NUM_THREADS=1: with more threads the result changes from run to run")
     return args
+
+
+def arguments():
+    parser = common_arguments("simulate", "simulate a garment on a table", 4600)
+    parser.add_argument("--garments", type=names, default=list(ROUND), help="types, in a new order each round")
+    parser.add_argument("--state-shares", type=shares, default=list(states.SHARES), help=" ".join(states.STATES))
+    parser.add_argument("--held-out-share", type=float, default=0.25)
+    parser.add_argument("--turned-over-share", type=float, default=0.3)
+    return parse(parser)
 
 
 def plan(args):

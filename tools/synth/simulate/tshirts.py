@@ -5,7 +5,6 @@ OMP_NUM_THREADS=1 blender -b --factory-startup -t 1 -P tools/synth/simulate/tshi
 States come round as often as in the garment SLAM paper: 4 flat, 12 strip, 9 stack, 4 fold-2, 10 fold-4 and 5 fold-s of
 44, each round in an order of its own. Randomness and files are those of main.py.
 """
-import argparse
 import os
 import sys
 
@@ -24,19 +23,9 @@ VERTICES = 2600  # folds lie in up to twelve layers, whose contacts cost most
 
 
 def arguments():
-    parser = argparse.ArgumentParser(prog="tshirts", description="simulate a T-shirt in one of six states")
-    parser.add_argument("--out", required=True)
-    parser.add_argument("--seed", type=int, required=True)
-    parser.add_argument("--index", type=int, required=True)
+    parser = main.common_arguments("tshirts", "simulate a T-shirt in one of six states", VERTICES)
     parser.add_argument("--state", choices=tshirt_states.STATES, help="this state instead of the round's")
-    parser.add_argument("--vertices", type=int, default=VERTICES)
-    parser.add_argument("--attempts", type=int, default=3)
-    args = parser.parse_args(sys.argv[sys.argv.index("--") + 1 :] if "--" in sys.argv else [])
-    if args.index < 0 or args.seed < 0 or args.attempts < 1:
-        parser.error("--index and --seed must not be negative, --attempts at least 1")
-    if os.environ.get("OMP_NUM_THREADS") != "1":
-        parser.error("set OMP_NUM_THREADS=1: with more threads the result changes from run to run")
-    return args
+    return main.parse(parser)
 
 
 def plan(args):
