@@ -11,10 +11,16 @@
 /// Planes and cylinders of a depth image.
 namespace weft::plane {
 
-/// Unit vectors e0, e1 with e0 x e1 = normal, continuous in the normal except at -z (Duff et al.,
-/// Building an Orthonormal Basis, Revisited, JCGT 2017). The tilt (t0, t1) of a normal n is the
-/// tangent vector t0 e0 + t1 e1, in radians.
-std::pair<Eigen::Vector3d, Eigen::Vector3d> tangent_basis(const Eigen::Vector3d& normal);
+/// Unit vectors e0, e1 with e0 x e1 = normal, continuous in the normal except where its z changes
+/// sign (Duff et al., Building an Orthonormal Basis, Revisited, JCGT 2017). The tilt (t0, t1) of a
+/// normal n is the tangent vector t0 e0 + t1 e1, in radians.
+inline std::pair<Eigen::Vector3d, Eigen::Vector3d> tangent_basis(const Eigen::Vector3d& normal) {
+  const double sign = normal.z() < 0.0 ? -1.0 : 1.0;
+  const double a = -1.0 / (sign + normal.z());
+  const double b = normal.x() * normal.y() * a;
+  return {{1.0 + sign * normal.x() * normal.x() * a, sign * b, -sign * normal.x()},
+          {b, sign + normal.y() * normal.y() * a, -normal.y()}};
+}
 
 struct PlaneSegment {
   /// In the camera frame; support counts the pixels labelled with it, rms_m is of the points of its
