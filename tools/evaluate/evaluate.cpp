@@ -13,6 +13,7 @@
 #include "base/settings.hpp"
 #include "dataset/augment.hpp"
 #include "evaluate/judge.hpp"
+#include "evaluate/trajectory.hpp"
 #include "evaluation/part_picture.hpp"
 #include "evaluation/part_report.hpp"
 
@@ -137,12 +138,17 @@ int run_evaluate(int argc, char** argv) {
   auto* parts = app.add_subcommand(
       "parts", "recall at 1, 3, 5 and average precision of garment part detections");
   add_options(*parts, command);
+  TrajectoryCommand trajectory;
+  auto* trajectory_app = app.add_subcommand(
+      "trajectory", "absolute and relative errors of a camera path against the truth");
+  add_options(*trajectory_app, trajectory);
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
     return app.exit(error) == 0 ? 0 : 2;
   }
   try {
+    if (trajectory_app->parsed()) return evaluate_trajectory_command(trajectory);
     return evaluate_parts(command);
   } catch (const std::exception& error) {
     std::fprintf(stderr, "weft evaluate: %s\n", error.what());
