@@ -9,6 +9,7 @@
 
 #include "base/error.hpp"
 #include "base/hash.hpp"
+#include "base/text_file.hpp"
 
 namespace weft {
 namespace {
@@ -156,18 +157,7 @@ void BlobWriter::write(const std::string& path) const {
     throw Error(path + ": the model needs " + std::to_string(data.size()) +
                 " bytes, more than the 256 MiB a reader accepts");
   }
-  const std::string temporary = path + ".tmp";
-  {
-    std::ofstream file(temporary, std::ios::binary);
-    file.write(reinterpret_cast<const char*>(data.data()),
-               static_cast<std::streamsize>(data.size()));
-    file.flush();
-    if (!file)
-      throw Error(temporary + ": cannot write; check that the folder exists and has space");
-  }
-  std::error_code error;
-  std::filesystem::rename(temporary, path, error);
-  if (error) throw Error(path + ": cannot replace the file: " + error.message());
+  write_text_file(path, {data.begin(), data.end()});
 }
 
 BlobReader BlobReader::from_file(const std::string& path, const std::string& kind,

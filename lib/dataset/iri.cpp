@@ -10,6 +10,7 @@
 #include <sstream>
 
 #include "base/error.hpp"
+#include "base/text_file.hpp"
 #include "rgbd/pcd_io.hpp"
 
 namespace weft::dataset {
@@ -75,22 +76,12 @@ std::string number(double v) {
   return buffer;
 }
 
-void write_file(const std::string& path, const std::string& bytes) {
-  const std::string temporary = path + ".tmp";
-  std::ofstream out(temporary, std::ios::binary);
-  out << bytes;
-  out.close();
-  std::error_code error;
-  if (out) fs::rename(temporary, path, error);
-  if (!out || error) throw Error(path + ": cannot be written; check the folder and the free space");
-}
-
 void write_png(const std::string& path, const cv::Mat& image) {
   std::vector<std::uint8_t> bytes;
   if (!cv::imencode(".png", image, bytes, {cv::IMWRITE_PNG_COMPRESSION, 4})) {
     throw Error(path + ": cannot be encoded as PNG");
   }
-  write_file(path, {bytes.begin(), bytes.end()});
+  write_text_file(path, {bytes.begin(), bytes.end()});
 }
 
 class IriDataset : public Dataset {
@@ -292,7 +283,7 @@ void write_iri(const std::string& folder, const Scene& scene, const cv::Mat& lab
   rgbd::write_pcd(pcd + ".tmp", rgbd::cloud_from_frame(scene.frame),
                   rgbd::PcdEncoding::kBinaryCompressed);
   fs::rename(pcd + ".tmp", pcd);
-  write_file(path("annotations", ".txt"), format_iri_annotation(scene));
+  write_text_file(path("annotations", ".txt"), format_iri_annotation(scene));
 }
 
 }  // namespace weft::dataset

@@ -10,11 +10,11 @@
 #include <sstream>
 
 #include "base/error.hpp"
+#include "base/text_file.hpp"
 #include "stage/log.hpp"
 #include "stage/net_namespace.hpp"
 #include "tools/weft/replay.hpp"
 #include "tools/weft/session.hpp"
-#include "tools/weft/text_file.hpp"
 
 namespace weft {
 namespace {

@@ -8,8 +8,8 @@
 #include <algorithm>
 #include <filesystem>
 
+#include "base/text_file.hpp"
 #include "tools/weft/run_folder.hpp"
-#include "tools/weft/text_file.hpp"
 
 namespace weft {
 namespace {

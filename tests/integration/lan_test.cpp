@@ -7,10 +7,10 @@
 #include <nlohmann/json.hpp>
 #include <set>
 
+#include "base/text_file.hpp"
 #include "integration/test_log.hpp"
 #include "tools/weft/frame_name.hpp"
 #include "tools/weft/run_folder.hpp"
-#include "tools/weft/text_file.hpp"
 
 namespace weft {
 namespace {

@@ -5,10 +5,10 @@
 #include <filesystem>
 #include <map>
 
+#include "base/text_file.hpp"
 #include "integration/test_log.hpp"
 #include "tools/weft/message.hpp"
 #include "tools/weft/run_folder.hpp"
-#include "tools/weft/text_file.hpp"
 #include "weft/part_detections_t.hpp"
 
 namespace weft {

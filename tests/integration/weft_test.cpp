@@ -10,12 +10,12 @@
 #include <set>
 #include <thread>
 
+#include "base/text_file.hpp"
 #include "integration/test_log.hpp"
 #include "integration/test_stage.hpp"
 #include "stage/net_namespace.hpp"
 #include "tools/weft/replay.hpp"
 #include "tools/weft/run_folder.hpp"
-#include "tools/weft/text_file.hpp"
 
 namespace weft {
 namespace {

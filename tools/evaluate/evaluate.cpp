@@ -3,7 +3,6 @@
 #include <CLI/CLI.hpp>
 #include <cstdio>
 #include <filesystem>
-#include <fstream>
 #include <nlohmann/json.hpp>
 #include <opencv2/imgcodecs.hpp>
 #include <thread>
@@ -11,6 +10,7 @@
 #include "base/error.hpp"
 #include "base/hash.hpp"
 #include "base/settings.hpp"
+#include "base/text_file.hpp"
 #include "dataset/augment.hpp"
 #include "evaluate/judge.hpp"
 #include "evaluate/trajectory.hpp"
@@ -117,11 +117,7 @@ int evaluate_parts(const PartsCommand& command) {
   }
   json["images"] = images;
   json["failed"] = failed;
-  if (!command.json.empty()) {
-    std::ofstream out(command.json);
-    out << json.dump(1) << '\n';
-    if (!out) throw Error("cannot write " + command.json);
-  }
+  if (!command.json.empty()) write_text_file(command.json, json.dump(1) + "\n");
   if (failed > 0) {
     std::fprintf(stderr, "%d images failed\n", failed);
     return 1;

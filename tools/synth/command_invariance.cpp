@@ -8,10 +8,10 @@
 
 #include "base/error.hpp"
 #include "base/settings.hpp"
+#include "base/text_file.hpp"
 #include "synth/commands.hpp"
 #include "synth/invariance.hpp"
 #include "synth/run_control.hpp"
-#include "synth/text_file.hpp"
 
 namespace weft::synth {
 namespace {
@@ -67,11 +67,11 @@ int run(const Command& command) {
                                                          {"points", r.points}});
     }
   }
-  if (!command.json.empty()) write_text(command.json, json.dump(1) + "\n");
+  if (!command.json.empty()) write_text_file(command.json, json.dump(1) + "\n");
   const auto middle = results.begin() + static_cast<std::ptrdiff_t>(command.descriptors.size());
   if (!command.plot.empty())
-    write_text(command.plot, invariance_plot(command.descriptors, {results.begin(), middle},
-                                             {middle, results.end()}));
+    write_text_file(command.plot, invariance_plot(command.descriptors, {results.begin(), middle},
+                                                  {middle, results.end()}));
   return 0;
 }
 

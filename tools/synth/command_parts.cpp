@@ -7,12 +7,12 @@
 #include <memory>
 
 #include "base/project.hpp"
+#include "base/text_file.hpp"
 #include "synth/blender.hpp"
 #include "synth/commands.hpp"
 #include "synth/dataset_maker.hpp"
 #include "synth/recipe_command.hpp"
 #include "synth/run_control.hpp"
-#include "synth/text_file.hpp"
 
 namespace weft::synth {
 namespace {
@@ -47,7 +47,7 @@ int make(const RecipeCommand& command, SimulationSource& simulations, const Make
   line.note(fmt::format("{}: {} scenes, {} made now in {}, {} failed", command.out,
                         progress.done + progress.skipped, progress.done, time_text(seconds),
                         progress.failed));
-  fmt::print("{}", read_text(std::filesystem::path(command.out) / "summary.txt"));
+  fmt::print("{}", read_text_file(std::filesystem::path(command.out) / "summary.txt"));
   return progress.failed == 0 ? 0 : 1;
 }
 

@@ -4,12 +4,12 @@
 #include <filesystem>
 #include <memory>
 
+#include "base/text_file.hpp"
 #include "synth/blender.hpp"
 #include "synth/commands.hpp"
 #include "synth/recipe_command.hpp"
 #include "synth/run_control.hpp"
 #include "synth/states_maker.hpp"
-#include "synth/text_file.hpp"
 
 namespace weft::synth {
 namespace {
@@ -41,7 +41,7 @@ int run(const RecipeCommand& command, Make make) {
   }
   line.note(fmt::format("{}: {} {}, {} simulations given up", command.out, result.done,
                         result.stage, result.given_up));
-  fmt::print("{}", read_text(std::filesystem::path(command.out) / "summary.txt"));
+  fmt::print("{}", read_text_file(std::filesystem::path(command.out) / "summary.txt"));
   return 0;
 }
 

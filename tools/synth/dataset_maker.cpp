@@ -19,11 +19,11 @@
 
 #include "base/error.hpp"
 #include "base/hash.hpp"
+#include "base/text_file.hpp"
 #include "dataset/iri.hpp"
 #include "synth/annotate.hpp"
 #include "synth/sensor.hpp"
 #include "synth/set_summary.hpp"
-#include "synth/text_file.hpp"
 
 namespace weft::synth {
 namespace fs = std::filesystem;
@@ -53,7 +53,7 @@ std::string scene_name(const Source& source, int view) {
 Source read_source(const std::string& path, const MakeOptions& options) {
   const Simulation s = read_simulation(path);
   Hash64 hash;
-  hash.add(read_text(path));
+  hash.add(read_text_file(path));
   Source source{path, s.name, s.garment, "train", to_hex(hash.value()), s.held_out};
   if (s.held_out) {
     source.split = "test-held-out";
@@ -66,7 +66,7 @@ Source read_source(const std::string& path, const MakeOptions& options) {
 bool is_finished(const fs::path& out, const std::string& name, const Source& source) {
   if (!fs::exists(out / "annotations" / (name + ".txt"))) return false;
   const auto meta =
-      nlohmann::json::parse(read_text(out / "meta" / (name + ".json")), nullptr, false);
+      nlohmann::json::parse(read_text_file(out / "meta" / (name + ".json")), nullptr, false);
   return meta.is_object() && meta.value("simulation_hash", "") == source.hash;
 }
 
@@ -150,13 +150,13 @@ std::string describe(const MakeOptions& options) {
 void check_folder(const std::string& out, const MakeOptions& options) {
   const fs::path file = fs::path(out) / "dataset.json";
   if (fs::exists(file)) {
-    if (read_text(file) != describe(options)) {
+    if (read_text_file(file) != describe(options)) {
       throw Error(file.string() +
                   ": this data set was made with other settings or another version; choose another "
                   "folder or the same settings");
     }
   } else {
-    write_text(file, describe(options));
+    write_text_file(file, describe(options));
   }
   fs::create_directories(fs::path(out) / "meta");
   int there = 0;
@@ -182,8 +182,8 @@ void write_manifest(const std::string& out) {
   }
   std::sort(files.begin(), files.end());
   std::string text;
-  for (const auto& file : files) text += read_text(file);
-  write_text(fs::path(out) / "manifest.jsonl", text);
+  for (const auto& file : files) text += read_text_file(file);
+  write_text_file(fs::path(out) / "manifest.jsonl", text);
 }
 
 /// One run: threads that take what is to be done next, a simulation or the views of one.
@@ -361,7 +361,7 @@ class Run {
         manifest_entry(own, simulation, recipe, annotation, scene, second, rejected).dump();
     // The annotation says that a scene is finished: none while its files are of two kinds.
     fs::remove(fs::path(out_) / "annotations" / (scene.name + ".txt"));
-    write_text(fs::path(out_) / "meta" / (scene.name + ".json"), entry + "\n");
+    write_text_file(fs::path(out_) / "meta" / (scene.name + ".json"), entry + "\n");
     dataset::write_iri(out_, scene, annotation.labels);
   }
 
@@ -416,7 +416,7 @@ SynthProgress make_dataset(SimulationSource& simulations, const std::string& out
   auto progress = Run(simulations, out, options, report, stopped).run();
   if (progress.stopped) return progress;
   write_manifest(out);
-  write_text(fs::path(out) / "summary.txt", summarise(out));
+  write_text_file(fs::path(out) / "summary.txt", summarise(out));
   write_contact_sheet(out);
   return progress;
 }

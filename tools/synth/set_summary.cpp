@@ -12,9 +12,9 @@
 #include <vector>
 
 #include "base/error.hpp"
+#include "base/text_file.hpp"
 #include "dataset/iri.hpp"
 #include "synth/statistics.hpp"
-#include "synth/text_file.hpp"
 
 namespace weft::synth {
 namespace fs = std::filesystem;
@@ -27,7 +27,7 @@ constexpr const char* kSplits[] = {"train", "test-seen", "test-held-out"};
 
 std::vector<nlohmann::json> read_lines(const fs::path& file) {
   std::vector<nlohmann::json> out;
-  std::istringstream in(read_text(file));
+  std::istringstream in(read_text_file(file));
   for (std::string line; std::getline(in, line);) {
     out.push_back(nlohmann::json::parse(line, nullptr, false));
     if (!out.back().is_object())
@@ -38,7 +38,7 @@ std::vector<nlohmann::json> read_lines(const fs::path& file) {
 
 dataset::IriAnnotation read_annotation(const std::string& folder, const std::string& name) {
   const fs::path file = fs::path(folder) / "annotations" / (name + ".txt");
-  return dataset::parse_iri_annotation(read_text(file), file.string());
+  return dataset::parse_iri_annotation(read_text_file(file), file.string());
 }
 
 std::string reasons(const std::map<std::string, int>& counts) {
@@ -167,7 +167,7 @@ void write_contact_sheet(const std::string& folder) {
   }
   std::vector<std::uint8_t> bytes;
   cv::imencode(".png", sheet, bytes);
-  write_text(fs::path(folder) / "contact-sheet.png", std::string(bytes.begin(), bytes.end()));
+  write_text_file(fs::path(folder) / "contact-sheet.png", std::string(bytes.begin(), bytes.end()));
 }
 
 }  // namespace weft::synth

@@ -6,9 +6,9 @@
 
 #include "base/error.hpp"
 #include "base/project.hpp"
+#include "base/text_file.hpp"
 #include "synth/blender.hpp"
 #include "synth/dataset_maker.hpp"
-#include "synth/text_file.hpp"
 
 namespace weft::synth {
 namespace fs = std::filesystem;
@@ -45,7 +45,7 @@ class BlenderSource : public SimulationSource {
     const fs::path base = fs::path(folder_) / fmt::format("{}-{:05d}", seed_, index);
     const std::string file = base.string() + ".wsim";
     const auto given_up = [&] {
-      const std::string rejects = read_text(base.string() + ".rejects.jsonl");
+      const std::string rejects = read_text_file(base.string() + ".rejects.jsonl");
       return std::count(rejects.begin(), rejects.end(), '\n') >= attempts_;
     };
     if (fs::exists(file)) return file;
@@ -68,7 +68,7 @@ class BlenderSource : public SimulationSource {
     for (int attempt = 0; attempt < attempts_; ++attempt)
       rejects += fmt::format("{{\"seed\": {}, \"index\": {}, \"reason\": \"Blender crashed\"}}\n",
                              seed_, index);
-    write_text(base.string() + ".rejects.jsonl", rejects);
+    write_text_file(base.string() + ".rejects.jsonl", rejects);
     return std::nullopt;
   }
 

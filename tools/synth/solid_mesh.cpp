@@ -8,7 +8,7 @@
 #include <unordered_map>
 
 #include "base/error.hpp"
-#include "synth/text_file.hpp"
+#include "base/text_file.hpp"
 
 namespace weft::synth {
 namespace {
@@ -222,7 +222,7 @@ void write_obj(const std::string& path, const SolidMesh& mesh, const std::string
   for (const auto& f : mesh.faces) {
     fmt::format_to(std::back_inserter(text), "f {} {} {}\n", f[0] + 1, f[1] + 1, f[2] + 1);
   }
-  write_text(path, fmt::to_string(text));
+  write_text_file(path, fmt::to_string(text));
 }
 
 }  // namespace weft::synth

@@ -17,11 +17,11 @@
 
 #include "base/error.hpp"
 #include "base/hash.hpp"
+#include "base/text_file.hpp"
 #include "synth/arrange.hpp"
 #include "synth/coco.hpp"
 #include "synth/sensor.hpp"
 #include "synth/solid_mesh.hpp"
-#include "synth/text_file.hpp"
 
 namespace weft::synth {
 namespace fs = std::filesystem;
@@ -29,7 +29,7 @@ namespace {
 
 using nlohmann::json;
 
-constexpr int kVersion = 2;  // of the recipe: same version and settings, same bytes
+constexpr int kVersion = 3;  // of the recipe: same version and settings, same bytes
 constexpr int kFramesPerSecond = 30;
 constexpr int kMinPixels = 64;       // of an annotated instance
 constexpr int kTestEvery = 4;        // of the simulations of a state
@@ -89,7 +89,7 @@ bool run_all(const char* stage, int count, int jobs, const std::function<void(in
 void write_png(const fs::path& path, const cv::Mat& image) {
   std::vector<std::uint8_t> bytes;
   if (!cv::imencode(".png", image, bytes)) throw Error(path.string() + ": cannot be encoded");
-  write_text(path, std::string(bytes.begin(), bytes.end()));
+  write_text_file(path, std::string(bytes.begin(), bytes.end()));
 }
 
 void check_folder(const fs::path& out, const std::string& kind, const std::string& settings) {
@@ -97,12 +97,12 @@ void check_folder(const fs::path& out, const std::string& kind, const std::strin
   const std::string own =
       json{{"format", kind}, {"version", kVersion}, {"settings", settings}}.dump(1) + "\n";
   const fs::path file = out / "dataset.json";
-  if (fs::exists(file) && read_text(file) != own) {
+  if (fs::exists(file) && read_text_file(file) != own) {
     throw Error(file.string() +
                 ": this set was made with other settings or another version; choose another folder "
                 "or the same settings");
   }
-  write_text(file, own);
+  write_text_file(file, own);
 }
 
 /// Simulations in their order; test: every fourth of a state.
@@ -331,7 +331,7 @@ std::string rejects_text(const std::vector<Source>& sources) {
     }
   }
   for (const auto& file : files) {
-    std::istringstream lines(read_text(file));
+    std::istringstream lines(read_text_file(file));
     for (std::string line; std::getline(lines, line);) {
       const auto entry = json::parse(line, nullptr, false);
       if (entry.is_object()) ++counts[entry.value("state", "") + ": " + entry.value("reason", "")];
@@ -413,7 +413,7 @@ StatesProgress make_states(SimulationSource& simulations, const std::string& fol
             {"kind", a.kind},
             {"split", test ? "test" : "train"}}},
           {"annotations", coco_annotations(p.labels, coco_instances(a), kMinPixels)}};
-      write_text(meta_of(i), meta.dump() + "\n");
+      write_text_file(meta_of(i), meta.dump() + "\n");
     }
   };
   if (!run_all("arrangements", arrangements, jobs, render, report, stopped)) {
@@ -424,7 +424,7 @@ StatesProgress make_states(SimulationSource& simulations, const std::string& fol
   std::map<std::string, std::vector<json>> by_split = {{"train", {}}, {"test", {}}};
   std::map<std::string, int> instances, kinds;
   for (int i = 0; i < recipe.scenes; ++i) {
-    json meta = json::parse(read_text(meta_of(i)));
+    json meta = json::parse(read_text_file(meta_of(i)));
     const auto& image = meta["image"];
     ++kinds[fmt::format("{} {} {}", image["split"].get<std::string>(),
                         image["view"].get<std::string>(), image["kind"].get<std::string>())];
@@ -435,16 +435,16 @@ StatesProgress make_states(SimulationSource& simulations, const std::string& fol
     by_split[image["split"]].push_back(std::move(meta));
   }
   for (const auto& [split, images] : by_split) {
-    write_text(out / "annotations" / ("instances_" + split + ".json"),
-               coco_file(images, "Weft T-shirt states, " + split).dump() + "\n");
+    write_text_file(out / "annotations" / ("instances_" + split + ".json"),
+                    coco_file(images, "Weft T-shirt states, " + split).dump() + "\n");
   }
   if (!fs::exists(out / "contact-sheet.png")) {
     write_contact_sheet(out / "contact-sheet.png", sources, jobs, recipe.seed, report, stopped);
   }
-  write_text(out / "summary.txt",
-             fmt::format("simulations ({} given up)\n{}images\n{}instances\n{}{}", result.given_up,
-                         counts_text(states), counts_text(kinds), counts_text(instances),
-                         rejects_text(sources)));
+  write_text_file(out / "summary.txt",
+                  fmt::format("simulations ({} given up)\n{}images\n{}instances\n{}{}",
+                              result.given_up, counts_text(states), counts_text(kinds),
+                              counts_text(instances), rejects_text(sources)));
   result.done = recipe.scenes;
   result.stopped = stopped();
   return result;
@@ -548,16 +548,17 @@ void write_lists(const fs::path& out, const Sequence& s, int frames, const Arran
                       {"annotations", coco_annotations(labels, instances, kMinPixels)}});
   }
   const auto& c = s.camera;
-  write_text(out / "camera.yaml",
-             fmt::format("# pinhole camera of rgb/ and depth/, without distortion\n"
-                         "width: {}\nheight: {}\nfx: {:.6f}\nfy: {:.6f}\ncx: {:.6f}\ncy: {:.6f}\n"
-                         "fps: {}\ndepth_factor: 5000  # units a metre\n",
-                         c.width, c.height, c.fx, c.fy, c.cx, c.cy, kFramesPerSecond));
-  write_text(out / "rgb.txt", rgb);
-  write_text(out / "depth.txt", depth);
-  write_text(out / "associations.txt", associations);
-  write_text(out / "instances.json", coco_file(images, "Weft sequence").dump() + "\n");
-  write_text(out / "groundtruth.txt", truth);  // says that the sequence is finished
+  write_text_file(
+      out / "camera.yaml",
+      fmt::format("# pinhole camera of rgb/ and depth/, without distortion\n"
+                  "width: {}\nheight: {}\nfx: {:.6f}\nfy: {:.6f}\ncx: {:.6f}\ncy: {:.6f}\n"
+                  "fps: {}\ndepth_factor: 5000  # units a metre\n",
+                  c.width, c.height, c.fx, c.fy, c.cx, c.cy, kFramesPerSecond));
+  write_text_file(out / "rgb.txt", rgb);
+  write_text_file(out / "depth.txt", depth);
+  write_text_file(out / "associations.txt", associations);
+  write_text_file(out / "instances.json", coco_file(images, "Weft sequence").dump() + "\n");
+  write_text_file(out / "groundtruth.txt", truth);  // says that the sequence is finished
 }
 
 }  // namespace

@@ -14,6 +14,7 @@
 #include "base/hash.hpp"
 #include "base/parallel.hpp"
 #include "base/random.hpp"
+#include "base/text_file.hpp"
 #include "bovw/histogram.hpp"
 #include "detector/model.hpp"
 #include "detector/prior.hpp"
@@ -530,7 +531,7 @@ void Trainer::train_scores() {
     ordered_json all;
     for (std::size_t i = 0; i < reports.size(); ++i) all[model.parts[i].part] = reports[i];
     model.write(path.string());
-    std::ofstream(report_path) << all.dump(1) << '\n';
+    write_text_file(report_path, all.dump(1) + "\n");
   }
   score_model_ = detector::ScoreModel::read(path.string());
   const auto reports = ordered_json::parse(std::ifstream(report_path));
@@ -765,7 +766,7 @@ void Trainer::train_refinement() {
       auto model = refine_model_;
       model.parts = {result.svm};
       model.write(path.string());
-      std::ofstream(report_path) << report.dump(1) << '\n';
+      write_text_file(report_path, report.dump(1) + "\n");
     }
     svms[at] = detector::RefineModel::read(path.string()).parts.at(0);
     reports[at] = ordered_json::parse(std::ifstream(report_path));
@@ -884,8 +885,8 @@ void Trainer::write_models() {
   manifest["cross_validation"] = {{"folds", options_.folds}, {"grouped_by", "simulation"}};
   manifest["support_vectors"] = support_vectors;
   manifest["parts"] = parts_report_;
-  std::ofstream(path(detector::kManifestFile)) << manifest.dump(1) << '\n';
-  std::ofstream(path("training.yaml")) << options_to_yaml(options_);
+  write_text_file(path(detector::kManifestFile), manifest.dump(1) + "\n");
+  write_text_file(path("training.yaml"), options_to_yaml(options_));
   detector::ModelBundle::read(models_);  // what was written can be used
 }
 

@@ -2,9 +2,9 @@
 
 #include <cstdio>
 
+#include "base/text_file.hpp"
 #include "tools/weft/commands.hpp"
 #include "tools/weft/compare.hpp"
-#include "tools/weft/text_file.hpp"
 
 namespace weft {
 

@@ -6,12 +6,12 @@
 #include <nlohmann/json.hpp>
 
 #include "base/error.hpp"
+#include "base/text_file.hpp"
 #include "stage/clock.hpp"
 #include "stage/telemetry.hpp"
 #include "tools/weft/commands.hpp"
 #include "tools/weft/doctor.hpp"
 #include "tools/weft/message.hpp"
-#include "tools/weft/text_file.hpp"
 
 namespace weft {
 

@@ -5,6 +5,7 @@
 #include <nlohmann/json.hpp>
 
 #include "base/error.hpp"
+#include "base/text_file.hpp"
 #include "stage/log.hpp"
 #include "stage/telemetry.hpp"
 #include "tools/weft/commands.hpp"
@@ -13,7 +14,6 @@
 #include "tools/weft/message_types.hpp"
 #include "tools/weft/page.hpp"
 #include "tools/weft/replay.hpp"
-#include "tools/weft/text_file.hpp"
 #include "tools/weft/timing_report.hpp"
 #include "weft/stage_status_t.hpp"
 #include "weft/stage_timing_t.hpp"

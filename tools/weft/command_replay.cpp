@@ -8,13 +8,13 @@
 
 #include "base/error.hpp"
 #include "base/project.hpp"
+#include "base/text_file.hpp"
 #include "dataset/scene.hpp"
 #include "tools/weft/commands.hpp"
 #include "tools/weft/demo_page.hpp"
 #include "tools/weft/keys.hpp"
 #include "tools/weft/replay.hpp"
 #include "tools/weft/spy.hpp"
-#include "tools/weft/text_file.hpp"
 
 namespace weft {
 namespace {

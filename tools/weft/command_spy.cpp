@@ -9,12 +9,12 @@
 #include <nlohmann/json.hpp>
 
 #include "base/error.hpp"
+#include "base/text_file.hpp"
 #include "stage/clock.hpp"
 #include "tools/weft/commands.hpp"
 #include "tools/weft/keys.hpp"
 #include "tools/weft/run_folder.hpp"
 #include "tools/weft/spy.hpp"
-#include "tools/weft/text_file.hpp"
 
 namespace weft {
 namespace {

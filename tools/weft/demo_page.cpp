@@ -10,8 +10,8 @@
 #include <opencv2/imgproc.hpp>
 
 #include "base/error.hpp"
+#include "base/text_file.hpp"
 #include "tools/weft/page.hpp"
-#include "tools/weft/text_file.hpp"
 
 namespace weft {
 namespace {

@@ -12,9 +12,9 @@
 
 #include "base/error.hpp"
 #include "base/hash.hpp"
+#include "base/text_file.hpp"
 #include "stage/lcm_url.hpp"
 #include "stage/net_namespace.hpp"
-#include "tools/weft/text_file.hpp"
 
 namespace weft {
 namespace {

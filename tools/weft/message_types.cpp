@@ -10,7 +10,7 @@
 
 #include "base/error.hpp"
 #include "base/hash.hpp"
-#include "tools/weft/text_file.hpp"
+#include "base/text_file.hpp"
 
 namespace weft {
 namespace {

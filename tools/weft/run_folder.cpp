@@ -15,7 +15,7 @@
 #include <thread>
 
 #include "base/error.hpp"
-#include "tools/weft/text_file.hpp"
+#include "base/text_file.hpp"
 
 namespace weft {
 namespace {
