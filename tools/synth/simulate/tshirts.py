@@ -19,7 +19,7 @@ import patterns
 import tshirt_states
 
 FAMILIES = ("crew", "crew", "scoop", "v-neck", "long-sleeve")
-VERTICES = 2600  # folds lie in up to twelve layers, whose contacts cost most
+VERTICES = 2600  # folds lie in eight and more layers, whose contacts cost most
 
 
 def arguments():
