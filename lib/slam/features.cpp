@@ -1,7 +1,6 @@
 #include "slam/features.hpp"
 
 #include <algorithm>
-#include <bit>
 #include <cmath>
 #include <cstring>
 #include <opencv2/features2d.hpp>
@@ -169,12 +168,6 @@ std::vector<Feature> FeatureExtractor::extract(const rgbd::RgbdFrame& frame,
     }
   }
   return features;
-}
-
-int hamming_distance(const Descriptor& a, const Descriptor& b) {
-  int distance = 0;
-  for (std::size_t i = 0; i < a.size(); ++i) distance += std::popcount(a[i] ^ b[i]);
-  return distance;
 }
 
 }  // namespace weft::slam

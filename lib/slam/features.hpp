@@ -1,6 +1,5 @@
 #pragma once
 
-#include <array>
 #include <cstdint>
 #include <memory>
 #include <opencv2/core/mat.hpp>
@@ -8,12 +7,10 @@
 
 #include "base/options.hpp"
 #include "rgbd/frame.hpp"
+#include "slam/descriptor.hpp"
 
 /// The front end: corners of an image with what is needed to find them again.
 namespace weft::slam {
-
-/// 256 binary tests (ORB: Rublee et al., ICCV 2011).
-using Descriptor = std::array<std::uint64_t, 4>;
 
 struct Feature {
   float u_px = 0.0f, v_px = 0.0f;  // in the full image
@@ -62,8 +59,5 @@ class FeatureExtractor {
  private:
   FeatureOptions options_;
 };
-
-/// Number of tests that differ.
-int hamming_distance(const Descriptor& a, const Descriptor& b);
 
 }  // namespace weft::slam

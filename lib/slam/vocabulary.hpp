@@ -1,19 +1,14 @@
 #pragma once
 
-#include <array>
 #include <cstdint>
 #include <span>
 #include <string>
 #include <vector>
 
 #include "base/options.hpp"
+#include "slam/descriptor.hpp"
 
 namespace weft::slam {
-
-/// A 256-bit descriptor (ORB): the 32 bytes of a row of OpenCV's matrix, in memory order.
-using BinaryDescriptor = std::array<std::uint64_t, 4>;
-
-int hamming_distance(const BinaryDescriptor& a, const BinaryDescriptor& b);
 
 struct WordWeight {
   std::int32_t word;
@@ -57,12 +52,12 @@ struct VocabularyOptions {
 class BinaryVocabulary {
  public:
   /// pictures: the descriptors of each training picture. Throws Error when there are none.
-  static BinaryVocabulary train(std::span<const std::vector<BinaryDescriptor>> pictures,
+  static BinaryVocabulary train(std::span<const std::vector<Descriptor>> pictures,
                                 const VocabularyOptions& options);
   static BinaryVocabulary read(const std::string& path);
   void write(const std::string& path) const;
 
-  int words() const { return static_cast<int>(word_weight_.size()); }
+  int words() const { return words_; }
   int branching() const { return branching_; }
   int levels() const { return levels_; }
   /// Names the tree and its weights.
@@ -73,23 +68,29 @@ class BinaryVocabulary {
     std::int32_t node;  // the one on the way at the asked level
   };
   /// Descends to the child of least Hamming distance, of equals the first. level: 0 = root.
-  Word find(const BinaryDescriptor& descriptor, int level) const;
-  double weight(std::int32_t word) const { return word_weight_[static_cast<std::size_t>(word)]; }
+  Word find(const Descriptor& descriptor, int level) const;
+  double weight(std::int32_t word) const { return weight_[static_cast<std::size_t>(word)]; }
 
   /// direct_level: level of WordedPicture::nodes, 1 to levels().
-  WordedPicture describe(std::span<const BinaryDescriptor> descriptors, int direct_level) const;
+  WordedPicture describe(std::span<const Descriptor> descriptors, int direct_level) const;
 
  private:
   BinaryVocabulary() = default;
+  void number_words();
   void finish();
+  struct Node {
+    Descriptor descriptor{};
+    std::int32_t first_child = 0;  // its children are consecutive
+    std::int32_t children = 0;     // 0: a word
+    std::int32_t word = -1;
+  };
   int branching_ = 0;
   int levels_ = 0;
-  // Nodes breadth first, the root the first; a node's children are consecutive.
-  std::vector<BinaryDescriptor> descriptor_;
-  std::vector<std::int32_t> first_child_;  // 0: a leaf
-  std::vector<std::int32_t> children_;
-  std::vector<std::int32_t> word_;  // of a leaf, else -1
-  std::vector<double> word_weight_;
+  int words_ = 0;
+  std::int32_t pictures_ = 0;
+  std::vector<Node> nodes_;  // breadth first, the root the first
+  std::vector<std::int32_t> pictures_with_word_;
+  std::vector<double> weight_;
   std::uint64_t hash_ = 0;
 };
 
