@@ -28,9 +28,11 @@ void check_channels(const ChannelMap& map, const Interface& interface) {
       if (!own.insert(port.channel).second)
         throw Error("stage " + interface.name + " declares channel " + port.channel + " twice");
       const std::string name = wire_channel(map, port.channel);
-      if (name.empty() || name.size() > kMaxChannelName) {
-        throw Error("channel name '" + name + "' of stage " + interface.name +
-                    " must have 1 to 63 characters");
+      const std::size_t most =
+          kMaxChannelName - (port.frames_back > 0 ? std::string(kNoneSuffix).size() : 0);
+      if (name.empty() || name.size() > most) {
+        throw Error("channel name '" + name + "' of stage " + interface.name + " must have 1 to " +
+                    std::to_string(most) + " characters");
       }
       if (!wire.insert(name).second) {
         throw Error("two channels of stage " + interface.name + " are both mapped to " + name +

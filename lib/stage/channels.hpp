@@ -11,6 +11,10 @@ namespace weft::stage {
 /// "PART_DETECTIONS@chi2fast"}. What is not in the map keeps its name.
 using ChannelMap = std::map<std::string, std::string>;
 
+/// A header_t on CHANNEL + this, sent by the player of a lock-step replay to the readers of a
+/// feedback edge: that frame has no message on CHANNEL, and none will come.
+inline constexpr const char* kNoneSuffix = ".none";
+
 /// The channel on the wire.
 std::string wire_channel(const ChannelMap& map, const std::string& channel);
 

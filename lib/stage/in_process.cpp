@@ -39,11 +39,23 @@ class InProcess::Impl {
     for (;;) {
       while (lcm_.handleTimeout(0) > 0) {
       }
-      if (events_.empty()) return;
+      if (events_.empty()) {
+        if (!forgo_feedback()) return;
+        continue;
+      }
       const Publication event = std::move(events_.front());
       events_.pop_front();
       publish(event.channel, event.bytes);
     }
+  }
+
+  bool forgo_feedback() {
+    for (const auto& member : members_) {
+      if (!member->runner.forgo_feedback(now_us())) continue;
+      member->work();
+      return true;
+    }
+    return false;
   }
 
   void publish(const std::string& channel, const std::vector<std::uint8_t>& bytes) {
@@ -67,6 +79,10 @@ class InProcess::Impl {
 
     void receive(const std::string& channel, const std::uint8_t* data, std::size_t size) {
       runner.receive(channel, data, size, now_us());
+      work();
+    }
+
+    void work() {
       while (auto job = runner.start(now_us())) {
         const std::int64_t cpu_before = process_cpu_us();
         job->run();

@@ -43,7 +43,8 @@ class InProcess {
   /// Queues a source event. The events go in one by one, each when the stages are done with the one
   /// before.
   void inject(const std::string& channel, std::vector<std::uint8_t> bytes);
-  /// Until nothing is left to do.
+  /// Until nothing is left to do. A frame that then waits for feedback alone goes on without it:
+  /// the frame that it waits for is not there.
   void run();
   /// Publishes the STAGE_STATUS of every stage; state: of stage_status_t.
   void publish_status(std::int8_t state);

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <limits>
 
+#include "weft/header_t.hpp"
+
 namespace weft::stage {
 namespace {
 
@@ -96,14 +98,22 @@ Runner::Runner(Stage& stage, RunnerOptions options)
   check_channels(options_.channels, interface_);
   if (interface_.inputs.empty())
     throw Error("stage " + interface_.name + " has no inputs; a source runs in a SourceHost");
-  for (std::size_t i = 0; i < interface_.inputs.size(); ++i)
-    ports_[wire_channel(options_.channels, interface_.inputs[i].channel)] = i;
+  for (std::size_t i = 0; i < interface_.inputs.size(); ++i) {
+    const std::string channel = wire_channel(options_.channels, interface_.inputs[i].channel);
+    ports_[channel] = i;
+    if (interface_.inputs[i].frames_back == 0) continue;
+    feedback_[i];
+    if (options_.lock_step) none_ports_[channel + kNoneSuffix] = i;
+  }
+  if (feedback_.size() == interface_.inputs.size())
+    throw Error("stage " + interface_.name + " has feedback alone; nothing would begin a frame");
 }
 
 std::vector<std::string> Runner::channels() const {
   std::vector<std::string> names;
   for (const Port& port : interface_.inputs)
     names.push_back(wire_channel(options_.channels, port.channel));
+  for (const auto& [channel, port] : none_ports_) names.push_back(channel);
   return names;
 }
 
@@ -126,7 +136,11 @@ Runner::Stream& Runner::stream_of(const FrameName& name) {
 void Runner::receive(const std::string& channel, const std::uint8_t* data, std::size_t size,
                      std::int64_t now_us) {
   const auto found = ports_.find(channel);
-  if (found == ports_.end()) return;
+  if (found == ports_.end()) {
+    if (const auto none = none_ports_.find(channel); none != none_ports_.end())
+      receive_none(channel, none->second, data, size, now_us);
+    return;
+  }
   const std::size_t port = found->second;
   const MessageType& type = interface_.inputs[port].type;
   std::shared_ptr<void> message;
@@ -152,6 +166,10 @@ void Runner::receive(const std::string& channel, const std::uint8_t* data, std::
   }
 
   const FrameName name{header.camera, header.session, header.seq};
+  if (interface_.inputs[port].frames_back > 0) {
+    receive_feedback(port, name, std::move(message), size, now_us);
+    return;
+  }
   const int part_count = type.part_count ? type.part_count(message.get()) : 1;
   const bool last_part = part_count <= 1 || type.part_index(message.get()) == part_count - 1;
   Stream& stream = stream_of(name);
@@ -165,7 +183,9 @@ void Runner::receive(const std::string& channel, const std::uint8_t* data, std::
   if (pending == pending_.end()) {
     const bool waiting = std::any_of(ready_.begin(), ready_.end(),
                                      [&](const auto& each) { return each.second.name == name; });
-    if (waiting || busy_ == name || (answered_before && interface_.stateful)) {
+    // Computed again, a frame with live feedback could get another answer.
+    const bool once = interface_.stateful || (!feedback_.empty() && !options_.lock_step);
+    if (waiting || busy_ == name || (answered_before && once)) {
       ++counters_.repeats;
       return;
     }
@@ -192,7 +212,7 @@ void Runner::receive(const std::string& channel, const std::uint8_t* data, std::
   frame.last_us = now_us;
   frame.bytes += size;
   held_bytes_ += size;
-  fill(frame, port, std::move(message));
+  fill(name, slot, port, std::move(message));
 
   const auto newest = newest_stream_.find(name.camera);
   const bool behind = stream.position && name.seq < *stream.position;
@@ -208,14 +228,124 @@ void Runner::receive(const std::string& channel, const std::uint8_t* data, std::
                now_us);
     return;
   }
-  if (std::all_of(frame.slots.begin(), frame.slots.end(),
-                  [](const Slot& each) { return each.complete; })) {
-    Frame whole = std::move(frame);
-    pending_.erase(pending);
-    complete(std::move(whole), now_us);
+  settle(name, now_us);
+  if (pending_.contains(name)) make_room(name, now_us);
+}
+
+/// What the player says about a frame that is not in its log: a header_t.
+void Runner::receive_none(const std::string& channel, std::size_t port, const std::uint8_t* data,
+                          std::size_t size, std::int64_t now_us) {
+  weft::header_t header{};
+  const bool decoded = size <= kMaxReceivedBytes &&
+                       header.decode(data, 0, static_cast<int>(size)) == static_cast<int>(size);
+  if (!decoded) {
+    ++counters_.decode_failures;
+    note(channel + ": " + std::to_string(size) + " bytes are no header_t");
+  } else if (const auto fault = header_fault(header); !fault.empty()) {
+    ++counters_.invalid_inputs;
+    note(channel + ": " + fault);
   } else {
-    make_room(name, now_us);
+    receive_feedback(port, {header.camera, header.session, header.seq}, nullptr, 0, now_us);
   }
+}
+
+/// message: null for none.
+void Runner::receive_feedback(std::size_t port, const FrameName& name,
+                              std::shared_ptr<void> message, std::size_t size,
+                              std::int64_t now_us) {
+  Feedback& feedback = feedback_.at(port);
+  const auto [at, is_new] = feedback.entries.try_emplace(name);
+  if (at->second.slot.complete) {
+    ++counters_.repeats;
+    return;
+  }
+  if (is_new) feedback.order.push_back(name);
+  at->second.bytes += size;
+  feedback.bytes += size;
+  if (message) {
+    fill(name, at->second.slot, port, std::move(message));
+  } else {
+    at->second.slot.complete = true;
+  }
+  const bool complete = at->second.slot.complete;
+  while (feedback.order.size() > static_cast<std::size_t>(options_.max_cached) ||
+         (feedback.bytes > options_.max_cached_bytes && feedback.order.size() > 1)) {
+    const auto oldest = feedback.entries.find(feedback.order.front());
+    feedback.bytes -= oldest->second.bytes;
+    feedback.entries.erase(oldest);
+    feedback.order.pop_front();
+  }
+  if (!complete || !options_.lock_step) return;
+  const FrameName reader{name.camera, name.session, name.seq + interface_.inputs[port].frames_back};
+  if (const auto waiting = pending_.find(reader); waiting != pending_.end()) {
+    waiting->second.last_us = now_us;
+    settle(reader, now_us);
+  }
+}
+
+/// The message that a frame gets over a feedback edge, or null for none; nullopt when a lock-step
+/// frame has to wait for it.
+std::optional<std::shared_ptr<void>> Runner::feedback_for(std::size_t port,
+                                                          const FrameName& name) const {
+  const Port& input = interface_.inputs[port];
+  if (name.seq < input.frames_back) return nullptr;
+  const auto usable = [&](const Slot& slot) {
+    if (!slot.complete || !slot.message || !slot.invalid.empty()) return false;
+    const std::int8_t code = input.type.status(slot.message.get()).code;
+    return code == status_t::OK || code == status_t::NOTHING;
+  };
+  const FrameName wanted{name.camera, name.session, name.seq - input.frames_back};
+  const auto& entries = feedback_.at(port).entries;
+  if (options_.lock_step) {
+    const auto found = entries.find(wanted);
+    if (found == entries.end() || !found->second.slot.complete) return std::nullopt;
+    const Slot& slot = found->second.slot;
+    return usable(slot) ? slot.message : nullptr;
+  }
+  for (auto at = entries.upper_bound(wanted); at != entries.begin();) {
+    --at;
+    if (at->first.camera != name.camera || at->first.session != name.session) break;
+    if (usable(at->second.slot)) return at->second.slot.message;
+  }
+  return nullptr;
+}
+
+bool Runner::has_inputs(const Frame& frame) const {
+  for (std::size_t i = 0; i < frame.slots.size(); ++i)
+    if (interface_.inputs[i].frames_back == 0 && !frame.slots[i].complete) return false;
+  return true;
+}
+
+/// Takes a pending frame on when nothing is missing any more.
+void Runner::settle(const FrameName& name, std::int64_t now_us) {
+  const auto pending = pending_.find(name);
+  if (!has_inputs(pending->second)) return;
+  if (options_.lock_step) {
+    std::map<std::size_t, std::shared_ptr<void>> messages;
+    for (const auto& [port, feedback] : feedback_) {
+      auto message = feedback_for(port, name);
+      if (!message) return;
+      messages[port] = std::move(*message);
+    }
+    for (auto& [port, message] : messages) pending->second.slots[port].message = std::move(message);
+  }
+  Frame whole = std::move(pending->second);
+  pending_.erase(pending);
+  complete(std::move(whole), now_us);
+}
+
+bool Runner::forgo_feedback(std::int64_t now_us) {
+  const auto waiting = std::find_if(pending_.begin(), pending_.end(),
+                                    [&](const auto& each) { return has_inputs(each.second); });
+  if (waiting == pending_.end()) return false;
+  const FrameName name = waiting->first;
+  for (const auto& [port, feedback] : feedback_) {
+    if (feedback_for(port, name)) continue;
+    receive_feedback(port,
+                     {name.camera, name.session, name.seq - interface_.inputs[port].frames_back},
+                     nullptr, 0, now_us);
+  }
+  return true;
 }
 
 void Runner::receive_repeat(Cached& cached, const FrameName& name, std::size_t port, bool last_part,
@@ -234,17 +364,17 @@ void Runner::receive_repeat(Cached& cached, const FrameName& name, std::size_t p
   }
 }
 
-void Runner::fill(Frame& frame, std::size_t port, std::shared_ptr<void> message) {
+void Runner::fill(const FrameName& name, Slot& slot, std::size_t port,
+                  std::shared_ptr<void> message) {
   const Port& input = interface_.inputs[port];
   const MessageType& type = input.type;
-  Slot& slot = frame.slots[port];
   const auto invalid = [&](const std::string& why) {
     ++counters_.invalid_inputs;
     slot.invalid = input.channel + ": " + why;
     slot.message = message;
     slot.parts.clear();
     slot.complete = true;
-    note(describe(frame.name) + ": " + slot.invalid);
+    note(describe(name) + ": " + slot.invalid);
   };
   const std::int8_t code = type.status(message.get()).code;
   if (code < status_t::OK || code > status_t::MISSING_INPUT) {
@@ -282,6 +412,7 @@ void Runner::fill(Frame& frame, std::size_t port, std::shared_ptr<void> message)
 
 const weft::header_t& Runner::header_of(const Frame& frame) const {
   for (std::size_t i = 0; i < frame.slots.size(); ++i) {
+    if (interface_.inputs[i].frames_back > 0) continue;  // of another frame
     const Slot& slot = frame.slots[i];
     const MessageType& type = interface_.inputs[i].type;
     if (slot.message) return type.header(slot.message.get());
@@ -300,6 +431,7 @@ void Runner::complete(Frame frame, std::int64_t now_us) {
     return;
   }
   for (std::size_t i = 0; i < frame.slots.size(); ++i) {
+    if (interface_.inputs[i].frames_back > 0) continue;
     const status_t& status = interface_.inputs[i].type.status(frame.slots[i].message.get());
     if (status.code == status_t::OK || status.code == status_t::NOTHING) continue;
     held_bytes_ -= frame.bytes;
@@ -324,7 +456,7 @@ void Runner::give_up(Frame& frame, std::int64_t now_us) {
   std::string text;
   for (std::size_t i = 0; i < frame.slots.size(); ++i) {
     const Slot& slot = frame.slots[i];
-    if (slot.complete) continue;
+    if (slot.complete || interface_.inputs[i].frames_back > 0) continue;
     if (!text.empty()) text += ", ";
     text += interface_.inputs[i].channel;
     if (!slot.parts.empty()) {
@@ -424,8 +556,11 @@ std::unique_ptr<Runner::Job> Runner::start(std::int64_t now_us) {
   job->queue_length_ = static_cast<int>(ready_.size());
   job->header_ = header_of(frame);
   std::vector<std::pair<const Port*, std::shared_ptr<void>>> inputs;
-  for (std::size_t i = 0; i < frame.slots.size(); ++i)
+  for (std::size_t i = 0; i < frame.slots.size(); ++i) {
+    if (!options_.lock_step && interface_.inputs[i].frames_back > 0)
+      frame.slots[i].message = *feedback_for(i, frame.name);
     inputs.emplace_back(&interface_.inputs[i], std::move(frame.slots[i].message));
+  }
   job->inputs_ = std::make_unique<Inputs>(job->header_, std::move(inputs));
   job->outputs_ = make_outputs(job->header_, status_t::OK, Reason::kNone, "");
   job->arrived_.assign(frame.slots.size(), true);
@@ -587,8 +722,13 @@ Counters Runner::counters() const {
 }
 
 Runner::Held Runner::held() const {
-  return {pending_.size(), ready_.size(), cache_.size(),
-          streams_.size(), held_bytes_,   cached_bytes_};
+  Held held{pending_.size(), ready_.size(), cache_.size(),
+            streams_.size(), held_bytes_,   cached_bytes_};
+  for (const auto& [port, feedback] : feedback_) {
+    held.feedback += feedback.entries.size();
+    held.feedback_bytes += feedback.bytes;
+  }
+  return held;
 }
 
 }  // namespace weft::stage

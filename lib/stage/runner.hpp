@@ -126,6 +126,9 @@ class Runner {
   /// The next frame to process, if one is ready. Only one job at a time.
   std::unique_ptr<Job> start(std::int64_t now_us);
   void finish(std::unique_ptr<Job> job, std::int64_t now_us, std::int64_t cpu_us);
+  /// Lock-step, when nobody is left to send anything: the first frame that waits for nothing but
+  /// feedback goes on without it. False when there is none.
+  bool forgo_feedback(std::int64_t now_us);
   /// Everything to publish since the last call, in order.
   std::vector<Outgoing> take_outgoing();
 
@@ -135,6 +138,7 @@ class Runner {
   /// What the bounds hold on to.
   struct Held {
     std::size_t pending = 0, ready = 0, cached = 0, streams = 0, bytes = 0, cached_bytes = 0;
+    std::size_t feedback = 0, feedback_bytes = 0;
   };
   Held held() const;
 
@@ -145,6 +149,15 @@ class Runner {
     int parts_have = 0;
     std::string invalid;
     bool complete = false;
+  };
+  struct Feedback {  // what came on a feedback port
+    struct Entry {
+      Slot slot;  // complete without a message: there is none
+      std::size_t bytes = 0;
+    };
+    std::map<FrameName, Entry> entries;
+    std::deque<FrameName> order;  // of arrival
+    std::size_t bytes = 0;
   };
   struct Frame {
     FrameName name;
@@ -172,7 +185,14 @@ class Runner {
   Stream& stream_of(const FrameName& name);
   void receive_repeat(Cached& cached, const FrameName& name, std::size_t port, bool last_part,
                       std::int64_t now_us);
-  void fill(Frame& frame, std::size_t port, std::shared_ptr<void> message);
+  void receive_feedback(std::size_t port, const FrameName& name, std::shared_ptr<void> message,
+                        std::size_t size, std::int64_t now_us);
+  void receive_none(const std::string& channel, std::size_t port, const std::uint8_t* data,
+                    std::size_t size, std::int64_t now_us);
+  std::optional<std::shared_ptr<void>> feedback_for(std::size_t port, const FrameName& name) const;
+  void fill(const FrameName& name, Slot& slot, std::size_t port, std::shared_ptr<void> message);
+  bool has_inputs(const Frame& frame) const;
+  void settle(const FrameName& name, std::int64_t now_us);
   void complete(Frame frame, std::int64_t now_us);
   void give_up(Frame& frame, std::int64_t now_us);
   void make_room(const FrameName& keep, std::int64_t now_us);
@@ -188,7 +208,9 @@ class Runner {
   Stage& stage_;
   const Interface& interface_;
   const RunnerOptions options_;
-  std::map<std::string, std::size_t> ports_;  // wire channel to input port
+  std::map<std::string, std::size_t> ports_;       // wire channel to input port
+  std::map<std::string, std::size_t> none_ports_;  // the same for what says that none will come
+  std::map<std::size_t, Feedback> feedback_;       // by input port
   std::map<FrameName, Frame> pending_;
   std::map<std::uint64_t, Frame> ready_;  // by order of arrival
   std::optional<FrameName> busy_;

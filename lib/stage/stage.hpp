@@ -22,6 +22,8 @@ namespace weft::stage {
 constexpr std::size_t kMaxMessageBytes = 160'000;
 /// Of one frame; 40 MB.
 constexpr int kMaxParts = 256;
+/// Largest k of a feedback edge.
+constexpr int kMaxFramesBack = 100;
 /// Characters of a camera's or a coordinate frame's name.
 constexpr std::size_t kMaxNameLength = 128;
 
@@ -148,17 +150,30 @@ MessageType message_type() {
 struct Port {
   std::string channel;  // as the stage knows it; a process set may map it to another
   MessageType type;
+  /// 0: the message of frame n itself. k: an input that is the message of frame n - k of the same
+  /// camera and session, so that stages can read each other's outputs without a circle to wait in.
+  int frames_back = 0;
 };
 
 template <class Message>
 Port port(std::string channel) {
-  return {std::move(channel), message_type<Message>()};
+  return {std::move(channel), message_type<Message>(), 0};
+}
+
+/// An input over a feedback edge; read with Inputs::feedback. frames_back: 1 to kMaxFramesBack.
+template <class Message>
+Port feedback_port(std::string channel, int frames_back) {
+  if (frames_back < 1 || frames_back > kMaxFramesBack) {
+    throw Error("feedback on channel " + channel + " is " + std::to_string(frames_back) +
+                " frames back; expected 1 to " + std::to_string(kMaxFramesBack));
+  }
+  return {std::move(channel), message_type<Message>(), frames_back};
 }
 
 /// What the runtime must know about a stage before it runs.
 struct Interface {
   std::string name;           // of the stage; a process set may rename the instance
-  std::vector<Port> inputs;   // all are needed for an answer
+  std::vector<Port> inputs;   // all but feedback are needed for an answer
   std::vector<Port> outputs;  // each is answered for each frame
   std::uint64_t settings_hash = 0;
   std::uint64_t model_hash = 0;
@@ -166,7 +181,7 @@ struct Interface {
 };
 
 /// The complete inputs of one frame, by channel as the stage knows it. Their status is OK or
-/// NOTHING.
+/// NOTHING. Of a feedback edge there may be no message.
 class Inputs {
  public:
   Inputs(const weft::header_t& header,
@@ -175,7 +190,14 @@ class Inputs {
   const weft::header_t& header() const { return header_; }
   template <class Message>
   const Message& get(const std::string& channel) const {
-    return *static_cast<const Message*>(
+    const auto* message = feedback<Message>(channel);
+    if (!message) throw Error("there is no message on channel " + channel + " for this frame");
+    return *message;
+  }
+  /// Null when there is none: see docs/stage-contract.md. Its header tells of which frame it is.
+  template <class Message>
+  const Message* feedback(const std::string& channel) const {
+    return static_cast<const Message*>(
         find(channel, static_cast<std::int64_t>(Message::getHash())));
   }
 

@@ -51,6 +51,9 @@ Identity make_identity(const Interface& interface, const std::string& instance,
       weft::type_fingerprint_t fingerprint{};
       fingerprint.direction = ports == &interface.inputs ? weft::type_fingerprint_t::INPUT
                                                          : weft::type_fingerprint_t::OUTPUT;
+      if (port.frames_back > 0)
+        fingerprint.direction =
+            static_cast<std::int8_t>(weft::type_fingerprint_t::OUTPUT + port.frames_back);
       fingerprint.channel = wire_channel(channels, port.channel);
       fingerprint.type = port.type.name;
       fingerprint.fingerprint = port.type.fingerprint;

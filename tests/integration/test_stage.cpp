@@ -28,6 +28,7 @@ class TestStage : public stage::Stage {
  public:
   explicit TestStage(const TestStageOptions& options) : options_(options) {
     interface_.settings_hash = options_hash(options);
+    interface_.stateful = options.stateful;
     switch (options.kind) {
       case Kind::kMask:
         interface_.name = "mask";
@@ -39,6 +40,13 @@ class TestStage : public stage::Stage {
         interface_.inputs = {stage::port<weft::rgbd_frame_t>("RGBD_FRAME"),
                              stage::port<weft::foreground_t>("FOREGROUND")};
         interface_.outputs = {stage::port<weft::words_t>("WORDS_SIFT")};
+        break;
+      case Kind::kTrack:
+        interface_.name = "track";
+        interface_.inputs = {
+            stage::port<weft::rgbd_frame_t>("RGBD_FRAME"),
+            stage::feedback_port<weft::words_t>("WORDS_SIFT", options.frames_back)};
+        interface_.outputs = {stage::port<weft::foreground_t>("FOREGROUND")};
         break;
       case Kind::kParts:
         interface_.name = "parts";
@@ -58,6 +66,7 @@ class TestStage : public stage::Stage {
     if (options_.impure) ++calls_;
     switch (options_.kind) {
       case Kind::kMask:
+      case Kind::kTrack:
         return mask(inputs, outputs);
       case Kind::kWords:
         return words(inputs, outputs);
@@ -72,6 +81,16 @@ class TestStage : public stage::Stage {
     auto& out = outputs.at<weft::foreground_t>("FOREGROUND");
     Hash64 hash;
     hash.add(frame.data.data(), frame.data.size());
+    if (options_.kind == Kind::kTrack) {
+      if (const auto* words = inputs.feedback<weft::words_t>("WORDS_SIFT")) {
+        hash.add(static_cast<std::uint64_t>(words->header.seq));
+        hash.add(words->cells.data(), words->cells.size() * sizeof words->cells[0]);
+      }
+    }
+    if (options_.stateful) {
+      hash.add(before_);
+      before_ = hash.value();
+    }
     out.width = frame.camera_model.width;
     out.height = frame.camera_model.height;
     const int pixels = out.width * out.height;
@@ -129,6 +148,7 @@ class TestStage : public stage::Stage {
   TestStageOptions options_;
   stage::Interface interface_;
   int calls_ = 0;
+  std::uint64_t before_ = 0;
 };
 
 }  // namespace

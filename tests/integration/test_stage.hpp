@@ -10,21 +10,29 @@
 namespace weft::test_stage {
 
 struct TestStageOptions {
-  enum class Kind { kMask, kWords, kParts };
+  enum class Kind { kMask, kWords, kParts, kTrack };
   Kind kind = Kind::kMask;  // mask: RGBD_FRAME -> FOREGROUND; words: both -> WORDS_SIFT;
-                            // parts: WORDS_SIFT -> PROBABILITY_MAP, PART_DETECTIONS
+                            // parts: WORDS_SIFT -> PROBABILITY_MAP, PART_DETECTIONS;
+                            // track: RGBD_FRAME, WORDS_SIFT(n - frames_back) -> FOREGROUND
   int work_ms = 0;
   bool impure = false;
   int fail_every = 0;
+  int frames_back = 1;
+  bool stateful = false;
 
   void visit(OptionVisitor& v) {
     v.choice("kind", kind,
-             {{"mask", Kind::kMask}, {"words", Kind::kWords}, {"parts", Kind::kParts}},
+             {{"mask", Kind::kMask},
+              {"words", Kind::kWords},
+              {"parts", Kind::kParts},
+              {"track", Kind::kTrack}},
              "which stage to be");
     v.field("work_ms", work_ms, {0, 10000}, "ms", "time to take for each frame");
     v.field("impure", impure, "answer with a counter, which no stage may do");
     v.field("fail_every", fail_every, {0, 1000}, "frames",
             "throw for every frame whose seq divides by this; 0: never");
+    v.field("frames_back", frames_back, {1, 100}, "frames", "which frame's words a track gets");
+    v.field("stateful", stateful, "answer a function of all frames so far");
   }
   void validate() const { validate_fields(*this, "TestStageOptions"); }
 };

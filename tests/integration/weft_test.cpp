@@ -364,6 +364,52 @@ TEST_F(WeftTest, ReplayFromAStageTakesItsInputsFromTheLog) {
   EXPECT_EQ(replay_to("in.lcm", "c.lcm", {"--from", "grasp"}).status, 1);
 }
 
+TEST_F(WeftTest, ASetWithAFeedbackEdgeIsReplayedToTheBit) {
+  NEEDS_PRIVATE_NETWORK();
+  test_stage::write_test_log(path("in.lcm"), 20);
+  const auto set_with = [&](const std::string& name, const std::string& track) {
+    write_text_file(path(name),
+                    "name: loop\nsources: [RGBD_FRAME]\nprocesses:\n"
+                    "  - {name: words, exec: weft-test-stage, with: {kind: words}}\n"
+                    "  - {name: track, exec: weft-test-stage, with: {kind: track, " +
+                        track + "}}\n");
+  };
+  set_with("loop.yaml", "frames_back: 3");
+  set_with("stateful.yaml", "frames_back: 3, stateful: true");
+  const auto replay_to = [&](const std::string& set, const std::string& in, const std::string& out,
+                             std::vector<std::string> more) {
+    more.insert(more.begin(), {"replay", path(in), "--set", path(set), "--out", path(out)});
+    return weft(more);
+  };
+  for (const std::string set : {"loop", "stateful"}) {
+    const auto twice = replay_to(set + ".yaml", "in.lcm", set + ".lcm", {"--verify"});
+    ASSERT_EQ(twice.status, 0) << twice.output;
+  }
+  EXPECT_NE(first_difference(path("loop.lcm"), path("stateful.lcm")), "");
+  // The same with all stages in one process.
+  ReplayOptions options;
+  options.log = path("in.lcm");
+  options.out = path("one.lcm");
+  EXPECT_TRUE(replay(ProcessSet::from_file(path("stateful.yaml")), Transport::kInProcess,
+                     {{"weft-test-stage", test_stage::make_stage}}, options,
+                     [](const PlayedFrame&, const FrameContent&) {})
+                  .good());
+  EXPECT_EQ(first_difference(path("stateful.lcm"), path("one.lcm")), "");
+  // Its feedback from the log: words stands before it in the set and is not computed again.
+  const auto from = replay_to("stateful.yaml", "stateful.lcm", "from.lcm", {"--from", "track"});
+  ASSERT_EQ(from.status, 0) << from.output;
+  const auto whole = payload_hashes(path("stateful.lcm"));
+  EXPECT_EQ(payload_hashes(path("from.lcm")).size(), 60u);
+  for (const auto& line : payload_hashes(path("from.lcm")))
+    EXPECT_NE(std::find(whole.begin(), whole.end(), line), whole.end()) << line;
+  // In the middle of the log, where the first three have none.
+  const auto part = replay_to("loop.yaml", "in.lcm", "part.lcm", {"--from-frame", "8", "--verify"});
+  EXPECT_EQ(part.status, 0) << part.output;
+  EXPECT_NE(part.output.find("12 of 12 frames answered on every channel, 0 failed, 0 sent again"),
+            std::string::npos)
+      << part.output;
+}
+
 TEST_F(WeftTest, AStageCanBeSwapped) {
   NEEDS_PRIVATE_NETWORK();
   test_stage::write_test_log(path("in.lcm"), 3);

@@ -5,6 +5,7 @@
 #include <thread>
 
 #include "base/error.hpp"
+#include "stage/channels.hpp"
 #include "tools/weft/message.hpp"
 
 namespace weft {
@@ -60,9 +61,15 @@ void Player::sort_pipeline() {
   std::vector<StageChannels> left;
   std::map<std::string, std::string> writer;
   for (const auto& name : stage_names_) {
-    StageChannels stage{name, {}, {}};
+    StageChannels stage{name, {}, {}, {}};
     for (const auto& port : statuses_.at(name).fingerprints) {
       const bool output = port.direction == weft::type_fingerprint_t::OUTPUT;
+      if (port.direction > weft::type_fingerprint_t::OUTPUT) {
+        const int back = port.direction - weft::type_fingerprint_t::OUTPUT;
+        stage.feedback[port.channel] = back;
+        frames_back_ = std::max(frames_back_, back);
+        continue;
+      }
       (output ? stage.outputs : stage.inputs).push_back(port.channel);
       if (!output) continue;
       const auto [other, is_new] = writer.emplace(port.channel, name);
@@ -83,7 +90,8 @@ void Player::sort_pipeline() {
     if (next == left.end()) {
       std::vector<std::string> circle;
       for (const auto& stage : left) circle.push_back(stage.stage);
-      throw Error("these stages wait for each other's outputs: " + joined(circle));
+      throw Error("these stages wait for each other's outputs: " + joined(circle) +
+                  "; one of them must read what it gets as feedback, from a frame before");
     }
     written.insert(next->outputs.begin(), next->outputs.end());
     pipeline_.push_back(std::move(*next));
@@ -94,7 +102,9 @@ void Player::sort_pipeline() {
 std::vector<std::string> Player::open_inputs() const {
   std::vector<std::string> open;
   for (const auto& stage : pipeline_) {
-    for (const auto& input : stage.inputs) {
+    auto inputs = stage.inputs;
+    for (const auto& [channel, back] : stage.feedback) inputs.push_back(channel);
+    for (const auto& input : inputs) {
       const bool written =
           std::any_of(pipeline_.begin(), pipeline_.end(),
                       [&](const StageChannels& other) { return contains(other.outputs, input); });
@@ -106,10 +116,11 @@ std::vector<std::string> Player::open_inputs() const {
 
 void Player::play(std::size_t count, const std::function<SourceFrame(std::size_t)>& source,
                   const std::function<void(PlayedFrame&&)>& done) {
+  const int window = frames_back_ > 0 ? 1 : options_.window;
   std::size_t sent = 0;
   std::vector<FrameName> order;  // of the frames in flight
   while (sent < count || !order.empty()) {
-    while (sent < count && order.size() < static_cast<std::size_t>(options_.window) &&
+    while (sent < count && order.size() < static_cast<std::size_t>(window) &&
            (order.empty() || entry_stages_answered(flights_.at(order.back()))) &&
            (!options_.may_send || options_.may_send(sent))) {
       Flight flight;
@@ -120,6 +131,7 @@ void Player::play(std::size_t count, const std::function<SourceFrame(std::size_t
       const auto [at, is_new] = flights_.emplace(name, std::move(flight));
       if (!is_new) throw Error("frame " + to_string(name) + " was played twice");
       order.push_back(name);
+      for (const auto& stage : pipeline_) send_feedback(name, stage, false);
       send(at->second, nullptr, 0);
       update_ready(at->second);
     }
@@ -130,6 +142,7 @@ void Player::play(std::size_t count, const std::function<SourceFrame(std::size_t
       order.erase(order.begin());
       Flight flight = std::move(at->second);
       flights_.erase(at);
+      remember_feedback(flight);
       done(finish(std::move(flight)));
     }
   }
@@ -258,6 +271,45 @@ void Player::send(const Flight& flight, const std::string* channel, int attempts
   }
 }
 
+/// Before a frame's inputs: that a frame before it, which it waits for, has no message. again: and
+/// the messages that there are, which the stage may have lost.
+void Player::send_feedback(const FrameName& frame, const StageChannels& stage, bool again) {
+  for (const auto& [channel, back] : stage.feedback) {
+    if (frame.seq < back) continue;
+    const auto& known = feedback_[{frame.camera, frame.session}];
+    const auto at = known.find(frame.seq - back);
+    bool found = false;
+    for (std::size_t i = 0; at != known.end() && i < at->second.size(); ++i) {
+      if (at->second[i].channel != channel) continue;
+      if (found) std::this_thread::sleep_for(kPartPause);
+      found = true;
+      if (again) bus_.publish(channel, at->second[i].data);
+    }
+    if (found) continue;
+    weft::header_t header{};
+    header.camera = frame.camera;
+    header.session = frame.session;
+    header.seq = frame.seq - back;
+    bus_.publish(channel + stage::kNoneSuffix, encode_message(header));
+  }
+}
+
+void Player::remember_feedback(const Flight& flight) {
+  if (frames_back_ == 0) return;
+  const auto read_back = [&](const std::string& channel) {
+    return std::any_of(pipeline_.begin(), pipeline_.end(), [&](const StageChannels& stage) {
+      return stage.feedback.contains(channel);
+    });
+  };
+  const auto& [camera, session, seq] = flight.source.name;
+  auto& known = feedback_[{camera, session}];
+  for (const auto& event : flight.source.events)
+    if (read_back(event.channel)) known[seq].push_back({event.channel, event.data});
+  for (const auto& [channel, data] : flight.outputs)
+    if (read_back(channel)) known[seq].push_back({channel, data});
+  known.erase(known.begin(), known.lower_bound(seq + 1 - frames_back_));
+}
+
 void Player::resend_overdue() {
   const auto now = Clock::now();
   for (auto& [name, flight] : flights_) {
@@ -279,6 +331,7 @@ void Player::resend_overdue() {
 }
 
 void Player::resend(Flight& flight, std::size_t stage) {
+  send_feedback(flight.source.name, pipeline_[stage], true);
   for (const auto& input : pipeline_[stage].inputs) {
     if (const auto known = flight.outputs.find(input); known != flight.outputs.end())
       bus_.publish(input, known->second);

@@ -18,7 +18,8 @@
 namespace weft {
 
 struct PlayerOptions {
-  int window = 4;  // frames in flight; their order and answers do not depend on it
+  int window = 4;  // frames in flight; their order and answers do not depend on it. A set with
+                   // feedback edges gets one at a time
   std::chrono::milliseconds ready_timeout{60000};   // for all stages to report RUNNING
   std::chrono::milliseconds answer_timeout{60000};  // then a frame counts as unanswered
   std::chrono::milliseconds first_patience{3000};  // before sending again, while a speed is unknown
@@ -29,8 +30,9 @@ struct PlayerOptions {
 /// A stage as its STAGE_STATUS describes it, channels as on the wire.
 struct StageChannels {
   std::string stage;
-  std::vector<std::string> inputs;
+  std::vector<std::string> inputs;  // of the same frame
   std::vector<std::string> outputs;
+  std::map<std::string, int> feedback;  // inputs over feedback edges, and from how many frames back
   bool operator==(const StageChannels&) const = default;
 };
 
@@ -58,7 +60,7 @@ class Player {
 
   /// The stages in pipeline order: each after those whose outputs it reads. After wait_ready().
   const std::vector<StageChannels>& pipeline() const { return pipeline_; }
-  /// Channels that some stage reads and none writes: what a log must supply.
+  /// Channels that some stage reads, if only as feedback, and none writes: what a log must supply.
   std::vector<std::string> open_inputs() const;
 
   /// Plays `count` frames and hands each to `done`, in order. source(index) supplies them.
@@ -99,6 +101,8 @@ class Player {
   void update_ready(Flight& flight);
   bool entry_stages_answered(const Flight& flight) const;
   void send(const Flight& flight, const std::string* channel, int attempts);
+  void send_feedback(const FrameName& frame, const StageChannels& stage, bool again);
+  void remember_feedback(const Flight& flight);
   void resend_overdue();
   void resend(Flight& flight, std::size_t stage);
   bool finished(Flight& flight) const;
@@ -114,6 +118,10 @@ class Player {
   std::map<std::string, weft::stage_status_t> statuses_;
   std::vector<std::string> restarted_;  // since resend_overdue() last ran
   std::map<FrameName, Flight> flights_;
+  int frames_back_ = 0;  // the most of all feedback edges
+  // What finished frames have on channels that somebody reads as feedback: by session, then seq.
+  std::map<std::pair<std::string, std::int64_t>, std::map<std::int64_t, std::vector<BusMessage>>>
+      feedback_;
   std::vector<std::chrono::milliseconds> slowest_;  // answer of each stage so far
   std::vector<std::optional<std::size_t>> newest_answered_;
   std::int64_t resends_ = 0;

@@ -32,6 +32,7 @@ void TimingCollector::add(const weft::stage_timing_t& timing) {
 void TimingCollector::add(const weft::stage_status_t& status) {
   auto& channels = channels_[status.stage];
   for (const auto& port : status.fingerprints) {
+    if (port.direction > weft::type_fingerprint_t::OUTPUT) continue;  // nobody waits for feedback
     const bool output = port.direction == weft::type_fingerprint_t::OUTPUT;
     (output ? channels.outputs : channels.inputs).insert(port.channel);
   }

@@ -112,6 +112,69 @@ TEST(Player, ARestartedStageGetsTheFramesInFlightAgain) {
   }
 }
 
+/// track reads the words of two frames before, which depend on its own answer to that frame.
+void add_loop(FakeBus& bus) {
+  bus.add("words", test_stage_of("kind: words"));
+  bus.add("track", test_stage_of("{kind: track, frames_back: 2}"));
+}
+
+TEST(Player, StagesMayReadEachOtherOverAFeedbackEdge) {
+  FakeBus bus;
+  add_loop(bus);
+  Player player(bus, {"words", "track"}, {}, [] {});
+  const auto answers = play(player, 30);
+  ASSERT_EQ(answers.size(), 60u);
+  EXPECT_EQ(answers[0].first, "FOREGROUND");
+  EXPECT_EQ(player.pipeline()[0].stage, "track");
+  EXPECT_EQ(player.pipeline()[0].feedback, (std::map<std::string, int>{{"WORDS_SIFT", 2}}));
+  EXPECT_EQ(player.open_inputs(), std::vector<std::string>{"RGBD_FRAME"});
+  EXPECT_EQ(player.resends(), 0);
+
+  // The same with messages lost and doubled, and with stages that forget everything.
+  Random random(4);
+  FakeBus bad;
+  add_loop(bad);
+  bad.fate = [&](const std::string&, const std::string& channel) {
+    const double roll = channel == "STAGE_STATUS" ? 1.0 : random.uniform();
+    return roll < 0.05 ? 0 : roll < 0.15 ? 2 : 1;
+  };
+  PlayerOptions options;
+  options.first_patience = std::chrono::milliseconds(50);
+  Player other(bad, {"words", "track"}, options, [] {});
+  EXPECT_EQ(play(other, 30,
+                 [&](std::size_t index) {
+                   if (index % 7 == 5) bad.restart(index % 2 ? "track" : "words");
+                 }),
+            answers);
+  EXPECT_GT(other.resends(), 0);
+  EXPECT_EQ(other.restarts(), 4);
+  EXPECT_TRUE(other.inconsistencies().empty());
+}
+
+TEST(Player, FramesWhoseFeedbackIsNotInTheLogGoWithoutIt) {
+  FakeBus bus;
+  add_loop(bus);
+  Player player(bus, {"words", "track"}, {}, [] {});
+  player.wait_ready();
+  std::size_t played = 0;
+  player.play(
+      6, [](std::size_t index) { return source(index < 3 ? 10 + index : 20 + index); },
+      [&](PlayedFrame&& frame) {
+        EXPECT_TRUE(frame.unanswered.empty()) << frame.index;
+        ++played;
+      });
+  EXPECT_EQ(played, 6u);
+  EXPECT_EQ(player.resends(), 0);
+}
+
+TEST(Player, AFeedbackChannelThatNobodyWritesMustComeFromTheLog) {
+  FakeBus bus;
+  bus.add("track", test_stage_of("kind: track"));
+  Player player(bus, {"track"}, {}, [] {});
+  player.wait_ready();
+  EXPECT_EQ(player.open_inputs(), (std::vector<std::string>{"RGBD_FRAME", "WORDS_SIFT"}));
+}
+
 TEST(Player, AnAnswerThatChangesOnARepeatIsReported) {
   FakeBus bus;
   add_chain(bus);
