@@ -1,0 +1,2 @@
+#define WEFT_KERNEL kCellAvx2
+#include "plane/cell_kernel.inc"

@@ -1,0 +1,2 @@
+#define WEFT_KERNEL kCellBaseline
+#include "plane/cell_kernel.inc"
