@@ -44,7 +44,9 @@ class Progress {
 }  // namespace
 
 int run_train(int argc, char** argv) {
-  CLI::App app{"Trains the part detector's models from a dataset."};
+  CLI::App app{
+      "Trains the part detector's models from a dataset. `weft train vocabulary` makes the map's "
+      "vocabulary."};
   std::string folder, out, work, settings_file;
   std::vector<std::string> assignments;
   int threads = 0;
