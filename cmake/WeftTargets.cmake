@@ -24,15 +24,20 @@ function(weft_process NAME)
   target_link_libraries(weft-${NAME} PRIVATE weft_${NAME}_stage)
 endfunction()
 
-# weft_test(NAME SOURCES ... DEPENDS ...): one GoogleTest executable NAME_test, each test known to ctest
+# weft_test(NAME SOURCES ... DEPENDS ... [LABEL slow]): one GoogleTest executable NAME_test, each test known to ctest.
+# `slow`: minutes each, only run by `./weft test --slow`.
 function(weft_test NAME)
-  cmake_parse_arguments(ARG "" "" "SOURCES;DEPENDS" ${ARGN})
+  cmake_parse_arguments(ARG "" "LABEL" "SOURCES;DEPENDS" ${ARGN})
+  set(LIMITS TIMEOUT 300)
+  if(ARG_LABEL)
+    set(LIMITS TIMEOUT 3600 LABELS ${ARG_LABEL})
+  endif()
   add_executable(${NAME}_test ${ARG_SOURCES})
   target_include_directories(${NAME}_test PRIVATE ${PROJECT_SOURCE_DIR} ${PROJECT_SOURCE_DIR}/tests)
   target_link_libraries(${NAME}_test PRIVATE weft_flags ${ARG_DEPENDS} GTest::gtest_main)
   target_compile_definitions(${NAME}_test PRIVATE WEFT_SOURCE_DIR="${PROJECT_SOURCE_DIR}"
                                                   WEFT_BINARY_DIR="${PROJECT_BINARY_DIR}")
   gtest_discover_tests(${NAME}_test TEST_PREFIX ${NAME}/ DISCOVERY_TIMEOUT 60
-                       PROPERTIES TIMEOUT 300)
+                       PROPERTIES ${LIMITS})
 endfunction()
 include(GoogleTest)
