@@ -1,0 +1,99 @@
+#pragma once
+
+#include <memory>
+
+#include "slam/pose_optimiser.hpp"
+#include "slam/sensor_noise.hpp"
+#include "slam/tracking.hpp"
+#include "slam/vocabulary.hpp"
+
+namespace weft::slam {
+
+struct TrackerOptions {
+  bool use_planes = true;
+  int points_to_start = 500;
+  int planes_to_start = 3;
+  int points_to_start_with_planes = 50;
+  int points_to_track = 30;
+  int points_to_track_with_planes = 10;
+  int points_to_relocalise = 50;
+  double max_sigma_m = 0.05;
+  double max_sigma_deg = 2.0;
+  double key_frame_interval_s = 1.0;
+  double key_frame_share = 0.75;
+  int max_pending = 8;
+  SensorNoise noise;
+  PoseOptions pose;
+
+  void visit(OptionVisitor& v) {
+    v.field("use_planes", use_planes, "track by planes as well as by points");
+    v.field("points_to_start", points_to_start, {20, 10000}, "",
+            "features with depth that more than these start a map; ORB-SLAM2, and "
+            "garment-slam.txt 3.5.3");
+    v.field("planes_to_start", planes_to_start, {1, 100}, "",
+            "so many planes start one as well ...");
+    v.field("points_to_start_with_planes", points_to_start_with_planes, {0, 10000}, "",
+            "... with so many points (garment-slam.txt 3.5.3)");
+    v.field("points_to_track", points_to_track, {6, 1000}, "",
+            "map points that must agree with a pose; ORB-SLAM2: 30");
+    v.field("points_to_track_with_planes", points_to_track_with_planes, {0, 1000}, "",
+            "the same when three planes that face different ways agree with it");
+    v.field("points_to_relocalise", points_to_relocalise, {10, 1000}, "",
+            "the same after having been lost; ORB-SLAM2: 50");
+    v.field("max_sigma_m", max_sigma_m, {1e-3, 10.0}, "m",
+            "a pose known less well than this, in any direction, is lost");
+    v.field("max_sigma_deg", max_sigma_deg, {0.01, 90.0}, "deg", "likewise its rotation");
+    v.field("key_frame_interval_s", key_frame_interval_s, {0.0, 60.0}, "s",
+            "between key frames made because points are going out of sight, at least; ORB-SLAM2: "
+            "1 s");
+    v.field("key_frame_share", key_frame_share, {0.0, 1.0}, "",
+            "such a key frame sees fewer than this share of the points its reference sees; "
+            "ORB-SLAM2: 0.75");
+    v.field("max_pending", max_pending, {1, 100}, "",
+            "key frames that wait for the mapper at most; no further ones are made until it "
+            "answers");
+    v.group("noise", noise);
+    v.group("pose", pose);
+  }
+  void validate() const { validate_fields(*this, "TrackerOptions"); }
+};
+
+/// Where the camera is, frame by frame, in the map its copy of which updates keep: the tracking of
+/// ORB-SLAM2 (Mur-Artal and Tardos, T-RO 2017) with planes as features (garment-slam.txt 3.5), also
+/// of frames that lie far apart. A pure function of the updates and frames given, in their order.
+///
+/// It asks for key frames (TrackedFrame::key_frame) and goes on tracking by them while the mapper
+/// has not answered, so the answer may come any number of frames later. The first one starts the
+/// map: its camera is the world's frame.
+///
+/// It says kLost rather than guess: too few points and planes agree with any pose it can find, or
+/// those that do leave a direction undetermined. Lost, it looks for itself near where it was and,
+/// by the vocabulary, in the whole map.
+class Tracker {
+ public:
+  /// vocabulary: finds places again; nullptr: only the last and nearby ones. Throws Error.
+  Tracker(const TrackerOptions& options, std::shared_ptr<const BinaryVocabulary> vocabulary);
+  ~Tracker();
+  Tracker(Tracker&&) noexcept;
+  Tracker& operator=(Tracker&&) noexcept;
+
+  /// Takes over what the mapper changed. An update that is in the copy already (a repetition)
+  /// changes nothing. Throws Error, and changes nothing, when it does not follow the copy's
+  /// version: ask for the whole map then. An empty whole map (to_version 0) says that the mapper
+  /// began anew: so does the tracker.
+  void update(const MapUpdate& update);
+
+  /// Throws Error on a frame that cannot be: not after the last one, values that are not finite.
+  TrackedFrame track(const FrameInput& input);
+
+  const Map& map() const;
+
+  /// As constructed: no map, nothing pending.
+  void reset();
+
+ private:
+  class Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace weft::slam
