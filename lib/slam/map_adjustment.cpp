@@ -137,9 +137,26 @@ AdjustmentReport adjust(MapEditor& editor, const PointMapper& points, const Sens
   const BundleSummary summary =
       optimise(problem, map.key_frames.at(*key_frames.begin()).camera, how);
 
-  for (const Id id : key_frames)
-    if (!problem.cameras[static_cast<std::size_t>(cameras.at(id))].fixed)
-      editor.set_pose(id, problem.cameras[static_cast<std::size_t>(cameras.at(id))].T_camera_world);
+  // What took no part goes with the key frame that brought it, or the first of those that see it.
+  std::map<Id, Rigid3d> T_new_old;
+  for (const Id id : key_frames) {
+    const CameraState& camera = problem.cameras[static_cast<std::size_t>(cameras.at(id))];
+    if (camera.fixed) continue;
+    T_new_old[id] = camera.T_camera_world.inverse() * map.key_frames.at(id).T_camera_world;
+    editor.set_pose(id, camera.T_camera_world);
+  }
+  std::set<Id> left_out;
+  for (const auto& [id, motion] : T_new_old)
+    for (const Id point : map.key_frames.at(id).points)
+      if (point != kNoId && !std::binary_search(point_ids.begin(), point_ids.end(), point))
+        left_out.insert(point);
+  for (const Id id : left_out) {
+    const MapPoint& point = map.points.at(id);
+    auto with = T_new_old.find(point.first_key_frame);
+    if (with == T_new_old.end()) with = T_new_old.find(point.observations.front().key_frame);
+    if (with != T_new_old.end())
+      editor.edit_point(id).position_world = with->second * point.position_world;
+  }
   for (std::size_t i = 0; i < point_ids.size(); ++i)
     editor.edit_point(point_ids[i]).position_world = problem.points[i].position_world;
   for (std::size_t i = 0; i < plane_ids.size(); ++i) {

@@ -65,8 +65,8 @@ void MapEditor::set_pose(Id id, const Rigid3d& T_camera_world) {
   changed_key_frames_.insert(id);
 }
 
-void MapEditor::set_keep(Id id) {
-  find_key_frame(id).keep = true;
+void MapEditor::set_keep(Id id, bool keep) {
+  find_key_frame(id).keep = keep;
   changed_key_frames_.insert(id);
 }
 

@@ -33,7 +33,7 @@ class MapEditor {
   /// The id is given here; the lists of what it sees start empty: observe() fills them.
   Id add_key_frame(KeyFrame key_frame);
   void set_pose(Id key_frame, const Rigid3d& T_camera_world);
-  void set_keep(Id key_frame);
+  void set_keep(Id key_frame, bool keep);
   void set_parent(Id key_frame, Id parent);
   void tie(Id key_frame_a, Id key_frame_b);  // loop partners
   /// Nothing sees it any longer; its children go to its parent.

@@ -6,7 +6,6 @@
 #include <numbers>
 
 #include "slam/chi_squared.hpp"
-#include "slam/matching.hpp"
 #include "slam/residuals.hpp"
 
 namespace weft::slam {
@@ -168,13 +167,43 @@ int PointMapper::add_by_parallax(MapEditor& editor, Id key_frame_id, std::span<c
   return made;
 }
 
+int PointMapper::find(const MapPoint& point, const KeyFrame& key_frame, const FeatureGrid& grid,
+                      const Rigid3d& T_camera_world, double radius_factor) const {
+  const auto& camera = key_frame.camera;
+  const Eigen::Vector3d point_camera = T_camera_world * point.position_world;
+  if (point_camera.z() < kMinDepth_m) return -1;
+  const Eigen::Vector2d pixel = camera.project(point_camera);
+  if (!(pixel.x() >= 0.0 && pixel.y() >= 0.0 && pixel.x() < camera.width &&
+        pixel.y() < camera.height))
+    return -1;
+  const double distance = point_camera.norm();
+  if (distance < 0.8 * point.min_distance_m || distance > 1.2 * point.max_distance_m) return -1;
+  if (point_camera.dot(T_camera_world.rotation * point.viewing_direction) < 0.5 * distance)
+    return -1;
+  const double scale = options_.noise.level_scale;
+  const double levels =
+      std::log(point.max_distance_m / distance) / std::log(std::max(scale, 1.001));
+  const int level = std::clamp(static_cast<int>(std::ceil(levels - 1e-9)), 0, options_.levels - 1);
+  const double radius = radius_factor * options_.search_radius_px * std::pow(scale, level);
+  int best = -1, least = options_.max_hamming + 1;
+  grid.near(pixel.x(), pixel.y(), radius, [&](int index) {
+    const Feature& feature = feature_at(key_frame, index);
+    if (feature.level < level - 1 || feature.level > level + 1) return;
+    const int hamming = hamming_distance(point.descriptor, feature.descriptor);
+    if (hamming > least || (hamming == least && index > best)) return;
+    // A wider search is for a pose or a point that is not exact.
+    if (radius_factor <= 1.0 && !fits(camera, observe(feature, options_.noise), point_camera))
+      return;
+    best = index;
+    least = hamming;
+  });
+  return best;
+}
+
 int PointMapper::fuse(MapEditor& editor, Id key_frame_id, std::span<const Id> points,
                       double radius_factor) const {
   const KeyFrame& key_frame = editor.key_frame(key_frame_id);
-  const auto& camera = key_frame.camera;
-  const FeatureGrid grid(key_frame.features, camera.width, camera.height);
-  const Eigen::Vector3d centre = key_frame.T_camera_world.inverse().translation;
-  const double scale = options_.noise.level_scale;
+  const FeatureGrid grid(key_frame.features, key_frame.camera.width, key_frame.camera.height);
   int found = 0;
   for (const Id id : points) {
     const auto place = editor.map().points.find(id);
@@ -183,38 +212,12 @@ int PointMapper::fuse(MapEditor& editor, Id key_frame_id, std::span<const Id> po
     if (std::any_of(point.observations.begin(), point.observations.end(),
                     [&](const Observation& o) { return o.key_frame == key_frame_id; }))
       continue;
-    const Eigen::Vector3d point_camera = key_frame.T_camera_world * point.position_world;
-    if (point_camera.z() < kMinDepth_m) continue;
-    const Eigen::Vector2d pixel = camera.project(point_camera);
-    if (!(pixel.x() >= 0.0 && pixel.y() >= 0.0 && pixel.x() < camera.width &&
-          pixel.y() < camera.height))
-      continue;
-    const Eigen::Vector3d ray = point.position_world - centre;
-    const double distance = ray.norm();
-    if (distance < 0.8 * point.min_distance_m || distance > 1.2 * point.max_distance_m) continue;
-    if (ray.dot(point.viewing_direction) < 0.5 * distance) continue;
-    const int level = std::clamp(
-        static_cast<int>(std::ceil(
-            std::log(point.max_distance_m / distance) / std::log(std::max(scale, 1.001)) - 1e-9)),
-        0, options_.levels - 1);
-    const double radius = radius_factor * options_.search_radius_px * std::pow(scale, level);
-    int best = -1, least = options_.max_hamming + 1;
-    grid.near(pixel.x(), pixel.y(), radius, [&](int index) {
-      const Feature& feature = feature_at(key_frame, index);
-      if (feature.level < level - 1 || feature.level > level + 1) return;
-      const int hamming = hamming_distance(point.descriptor, feature.descriptor);
-      if (hamming > least || (hamming == least && index > best)) return;
-      // A wider search is for a pose or a point that is not exact.
-      if (radius_factor <= 1.0 && !fits(camera, observe(feature, options_.noise), point_camera))
-        return;
-      best = index;
-      least = hamming;
-    });
-    if (best < 0) continue;
+    const int index = find(point, key_frame, grid, key_frame.T_camera_world, radius_factor);
+    if (index < 0) continue;
     ++found;
-    const Id other = key_frame.points[static_cast<std::size_t>(best)];
+    const Id other = key_frame.points[static_cast<std::size_t>(index)];
     if (other == kNoId) {
-      editor.observe_point(id, key_frame_id, best);
+      editor.observe_point(id, key_frame_id, index);
       refresh(editor, id);
     } else if (editor.point(other).observations.size() > point.observations.size()) {
       editor.replace_point(id, other);

@@ -5,6 +5,7 @@
 
 #include "base/options.hpp"
 #include "slam/map_editor.hpp"
+#include "slam/matching.hpp"
 #include "slam/sensor_noise.hpp"
 
 /// The points of a map: where they come from, how they are found again, when they go. After
@@ -57,8 +58,13 @@ class PointMapper {
   /// Makes points of features that look alike in the key frame and in another one, seen from places
   /// far enough apart. Returns how many.
   int add_by_parallax(MapEditor& editor, Id key_frame, std::span<const Id> others);
+  /// The feature that a point is in a key frame whose camera is at T_camera_world; -1: none. Other
+  /// points' features are not passed over. radius_factor: of the search radius; up to 1 a feature
+  /// must also pass the chi-squared test.
+  int find(const MapPoint& point, const KeyFrame& key_frame, const FeatureGrid& grid,
+           const Rigid3d& T_camera_world, double radius_factor = 1.0) const;
   /// Looks for the points in the key frame. Found at a feature of another point, the one of fewer
-  /// observations is replaced. radius_factor: of the search radius. Returns how many were found.
+  /// observations is replaced. Returns how many were found.
   int fuse(MapEditor& editor, Id key_frame, std::span<const Id> points,
            double radius_factor = 1.0) const;
   /// Drops an observation, and the point when too little is left of it.

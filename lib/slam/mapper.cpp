@@ -4,6 +4,7 @@
 #include <cmath>
 #include <limits>
 #include <numbers>
+#include <optional>
 #include <set>
 #include <string>
 
@@ -49,12 +50,10 @@ void check(const NewKeyFrame& key_frame) {
 class Mapper::Impl {
  public:
   Impl(const MapperOptions& options, std::shared_ptr<const BinaryVocabulary> vocabulary)
-      : options_(options),
-        vocabulary_(std::move(vocabulary)),
-        points_(options.points),
-        planes_(options.planes) {
+      : options_(options), points_(options.points), planes_(options.planes) {
     options_.validate();
     options_.adjustment.use_planes = options_.adjustment.use_planes && options_.use_planes;
+    if (vocabulary) loops_.emplace(options.loops, options.points.noise, std::move(vocabulary));
   }
 
   MapUpdate add(const NewKeyFrame& in) {
@@ -86,7 +85,6 @@ class Mapper::Impl {
     }
     if (options_.use_planes) {
       report_.new_planes = planes_.associate(editor_, id, pose_covariance);
-      if (report_.new_planes) editor_.set_keep(id);
       planes_.judge(editor_, id, in.seen_planes, frame_s);
     }
     points_.cull(editor_, id);
@@ -108,6 +106,12 @@ class Mapper::Impl {
         if (sighting.plane != kNoId && !editor_.plane(sighting.plane).confirmed)
           planes_.estimate(editor_, sighting.plane);
       report_.planes_merged = planes_.merge(editor_);
+    }
+    keep_what_brought_planes();
+    cull_key_frames(id);
+    if (loops_) {
+      loops_->add(editor_.key_frame(id));
+      if (const auto loop = loops_->detect(editor_.map(), points_, id)) close(*loop);
     }
     frame_ = in.input.frame;
     utime_ = in.input.utime;
@@ -205,6 +209,79 @@ class Mapper::Impl {
     return result.information.llt().solve(Matrix6d::Identity());
   }
 
+  /// A key frame that was the first to see a plane of the map stays (garment-slam.txt 3.5.3).
+  void keep_what_brought_planes() {
+    std::set<Id> first;
+    for (const auto& [id, plane] : editor_.map().planes)
+      if (!plane.observations.empty()) first.insert(plane.observations.front().key_frame);
+    std::vector<Id> changed;
+    for (const auto& [id, key_frame] : editor_.map().key_frames)
+      if (key_frame.keep != first.contains(id)) changed.push_back(id);
+    for (const Id id : changed) editor_.set_keep(id, first.contains(id));
+  }
+
+  void cull_key_frames(Id newest) {
+    const Map& map = editor_.map();
+    for (const auto& [id, shared] : neighbours(map, map.key_frames.at(newest), 1)) {
+      const KeyFrame& key_frame = map.key_frames.at(id);
+      // The last one is what the tracker works with.
+      if (id == map.key_frames.begin()->first || key_frame.keep ||
+          !key_frame.loop_partners.empty() || std::next(map.key_frames.find(id))->first == newest)
+        continue;
+      if (!is_redundant(key_frame)) continue;
+      for (const Id point : points_of(id)) points_.drop(editor_, point, id);
+      editor_.remove_key_frame(id);
+      if (loops_) loops_->remove(id);
+      ++report_.key_frames_culled;
+    }
+  }
+
+  bool is_redundant(const KeyFrame& key_frame) const {
+    int close = 0, redundant = 0;
+    for (std::size_t i = 0; i < key_frame.points.size(); ++i) {
+      const Feature& feature = key_frame.features[i];
+      if (key_frame.points[i] == kNoId || !(feature.depth_m > 0.0f) ||
+          feature.depth_m > options_.points.close_m)
+        continue;
+      ++close;
+      int others = 0;
+      for (const auto& [other, index] : editor_.point(key_frame.points[i]).observations) {
+        const auto& seen = editor_.key_frame(other).features[static_cast<std::size_t>(index)];
+        others += other != key_frame.id && seen.level <= feature.level + 1;
+      }
+      redundant += others >= options_.redundant_views;
+    }
+    return redundant > options_.redundant_share * close;
+  }
+
+  void close(const Loop& loop) {
+    report_.loop_refused = !loops_->close(editor_, points_, planes_, loop);
+    if (report_.loop_refused) return;
+    report_.loop = loop;
+    // Everything, as far as the bounds allow: what lies nearest to the two ends.
+    const auto& map = editor_.map();
+    std::set<Id> all{loop.key_frame, loop.partner};
+    std::vector<Id> edge(all.begin(), all.end());
+    const auto most = static_cast<std::size_t>(options_.adjustment.full_key_frames);
+    for (std::size_t i = 0; i < edge.size() && all.size() < most; ++i)
+      for (const auto& [other, shared] : neighbours(map, map.key_frames.at(edge[i]), 1))
+        if (all.size() < most && all.insert(other).second) edge.push_back(other);
+    report_.full_adjustment = adjust(editor_, points_, options_.points.noise, all,
+                                     options_.adjustment.full_observations, options_.adjustment);
+    for (int again = 0; options_.use_planes && again < 2; ++again) {
+      std::vector<Id> ids;
+      for (const auto& [id, plane] : map.planes) ids.push_back(id);
+      for (const Id id : ids) {
+        if (!map.planes.at(id).confirmed) planes_.estimate(editor_, id);
+        planes_.rebuild_cloud(editor_, id);
+      }
+      if (planes_.merge(editor_) == 0) break;
+      adjust(editor_, points_, options_.points.noise, all, options_.adjustment.full_observations,
+             options_.adjustment);
+    }
+    keep_what_brought_planes();
+  }
+
   std::vector<Id> nearest(Id id) const {
     std::vector<Id> out;
     for (const auto& [other, shared] : neighbours(editor_.map(), editor_.key_frame(id), 1)) {
@@ -235,10 +312,10 @@ class Mapper::Impl {
   }
 
   MapperOptions options_;
-  std::shared_ptr<const BinaryVocabulary> vocabulary_;
   MapEditor editor_;
   PointMapper points_;
   PlaneMapper planes_;
+  std::optional<LoopCloser> loops_;
   std::int64_t frame_ = -1, utime_ = 0;
   Report report_;
 };

@@ -2,6 +2,7 @@
 
 #include <memory>
 
+#include "slam/loop_closer.hpp"
 #include "slam/map_adjustment.hpp"
 #include "slam/map_planes.hpp"
 #include "slam/map_points.hpp"
@@ -16,9 +17,12 @@ struct MapperOptions {
   int neighbours = 10;
   double pose_sigma_m = 0.05;
   double pose_sigma_deg = 2.0;
+  double redundant_share = 0.9;
+  int redundant_views = 3;
   PointMappingOptions points;
   PlaneMappingOptions planes;
   AdjustmentOptions adjustment;
+  LoopOptions loops;
   PoseOptions pose;
 
   void visit(OptionVisitor& v) {
@@ -30,9 +34,14 @@ struct MapperOptions {
             "how well the pose of a new key frame is known at least, in each direction: what the "
             "tracker vouches for");
     v.field("pose_sigma_deg", pose_sigma_deg, {0.01, 90.0}, "deg", "likewise its rotation");
+    v.field("redundant_share", redundant_share, {0.0, 1.0}, "",
+            "a key frame goes when more than this share of its close points are seen in ...");
+    v.field("redundant_views", redundant_views, {1, 100}, "",
+            "... at least so many others at the same or a finer scale; ORB-SLAM2: 0.9, 3");
     v.group("points", points);
     v.group("planes", planes);
     v.group("adjustment", adjustment);
+    v.group("loops", loops);
     v.group("pose", pose);
   }
   void validate() const { validate_fields(*this, "MapperOptions"); }
@@ -69,6 +78,10 @@ class Mapper {
     bool new_planes = false;
     int planes_merged = 0;
     AdjustmentReport adjustment;
+    int key_frames_culled = 0;
+    std::optional<Loop> loop;   // that was closed
+    bool loop_refused = false;  // found, but the pose graph could not take it
+    AdjustmentReport full_adjustment;
   };
   const Report& report() const;
 

@@ -5,6 +5,7 @@
 #include <set>
 #include <vector>
 
+#include "slam/absolute_orientation.hpp"
 #include "slam/mapper.hpp"
 #include "slam/plane_gate.hpp"
 #include "synthetic_world.hpp"
@@ -231,6 +232,17 @@ class TruthfulTracker {
   Rigid3d true_pose_in_map(Id key_frame) const { return true_pose(key_frame) * T_first_.inverse(); }
   const Rigid3d& T_first() const { return T_first_; }
 
+  /// Root mean square distance of the key frames from the truth after the best rigid alignment.
+  double aligned_error_m() const {
+    std::vector<PointPair> pairs;
+    for (const auto& [id, key_frame] : mapper_.map().key_frames)
+      pairs.push_back(
+          {true_pose(id).inverse().translation, key_frame.T_camera_world.inverse().translation});
+    const auto T = absolute_orientation(pairs, {});
+    double sum = 0.0;
+    for (const auto& pair : pairs) sum += (*T * pair.point_b - pair.point_a).squaredNorm();
+    return std::sqrt(sum / static_cast<double>(pairs.size()));
+  }
   /// Largest errors of the key frames' poses.
   double worst_m() const {
     double worst = 0.0;
