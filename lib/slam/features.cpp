@@ -110,7 +110,7 @@ std::vector<Feature> FeatureExtractor::extract(const rgbd::RgbdFrame& frame,
   cv::Mat image;
   cv::cvtColor(frame.colour, image, cv::COLOR_BGR2GRAY);
   std::vector<Feature> features;
-  int owed = 0;  // what one level lacks, the next may have
+  double weight = 0.0;  // of the levels so far; what one level lacks, the next may have
   for (int level = 0; level < options_.levels; ++level) {
     const double scale = std::pow(options_.scale, level);
     if (level > 0) {
@@ -145,13 +145,13 @@ std::vector<Feature> FeatureExtractor::extract(const rgbd::RgbdFrame& frame,
         return exclude.at<std::uint8_t>(static_cast<int>(std::lround(full_v(corner.pt.y))),
                                         static_cast<int>(std::lround(full_u(corner.pt.x)))) != 0;
       });
-    const int wanted =
-        owed + static_cast<int>(std::lround(options_.features * std::pow(share, level) / weights));
+    weight += std::pow(share, level);
+    const int wanted = static_cast<int>(std::lround(options_.features * weight / weights)) -
+                       static_cast<int>(features.size());
     corners = spread(std::move(corners), image.size(), wanted, options_);
     for (auto& corner : corners)
       corner.angle =
           orientation(image, static_cast<int>(corner.pt.x), static_cast<int>(corner.pt.y));
-    owed = wanted - static_cast<int>(corners.size());
     if (corners.empty()) continue;
     cv::Mat descriptors;
     orb->compute(image, corners, descriptors);
