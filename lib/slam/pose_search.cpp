@@ -110,6 +110,7 @@ void PoseSearch::optimise(const FrameInput& input, PoseEstimate& estimate) const
   for (std::size_t k = 0; k < feature_of.size(); ++k)
     if (result.point_inlier[k] == 0) estimate.points[feature_of[k]] = kNoId;
   estimate.plane_agrees.assign(estimate.planes.size(), 0);
+  constexpr double kApart = 0.05;  // normals 20 degrees from each other, or from a common plane
   Eigen::Matrix3d spread = Eigen::Matrix3d::Zero();
   for (std::size_t k = 0; k < evidence.planes.size(); ++k) {
     estimate.plane_agrees[evidence.segment_of[k]] = result.plane_inlier[k];
@@ -117,9 +118,11 @@ void PoseSearch::optimise(const FrameInput& input, PoseEstimate& estimate) const
     const auto& n = evidence.planes[k].normal_camera;
     spread += n * n.transpose();
   }
-  estimate.plane_spread =
-      Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(spread, Eigen::EigenvaluesOnly)
-          .eigenvalues()[0];
+  estimate.plane_directions = static_cast<int>(
+      (Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(spread, Eigen::EigenvaluesOnly)
+           .eigenvalues()
+           .array() > kApart)
+          .count());
 }
 
 std::optional<PoseEstimate> PoseSearch::by_motion(const FrameInput& input, const FeatureGrid& grid,
@@ -339,9 +342,9 @@ Id PoseSearch::reference(const PoseEstimate& estimate) const {
 }
 
 std::string PoseSearch::objection(const PoseEstimate& estimate, int least_points) const {
-  const bool planes_hold = estimate.plane_inliers >= 3 && estimate.plane_spread > 0.05;
-  const int least =
-      planes_hold ? std::min(least_points, options_.points_to_track_with_planes) : least_points;
+  const int least = estimate.plane_directions >= 3   ? least_points / 5
+                    : estimate.plane_directions == 2 ? least_points / 3
+                                                     : least_points;
   if (estimate.point_inliers < least)
     return std::to_string(estimate.point_inliers) + " points and " +
            std::to_string(estimate.plane_inliers) + " planes agree; expected " +

@@ -17,8 +17,7 @@ struct PoseEstimate {
   std::vector<Id> points, planes;          // one a feature or segment; points: those that agree
   std::vector<std::uint8_t> plane_agrees;  // one a segment
   int point_inliers = 0, plane_inliers = 0;
-  /// Of the agreeing planes the sum of n n^T: its least eigenvalue. 0: they leave a direction free.
-  double plane_spread = 0.0;
+  int plane_directions = 0;  // that the agreeing planes' normals span
 
   /// Covariance of minus(T, T_camera_world); large along what is not determined.
   Matrix6d covariance() const;
@@ -66,7 +65,8 @@ class PoseSearch {
   /// The key frame of the map that most of the estimate's points are in; kNoId: none.
   Id reference(const PoseEstimate& estimate) const;
 
-  /// Why the estimate is not to be believed; empty: it is. least_points: that must agree.
+  /// Why the estimate is not to be believed; empty: it is. least_points: that must agree where
+  /// planes do not help; half of that where these fix the rotation, a third where all.
   std::string objection(const PoseEstimate& estimate, int least_points) const;
 
  private:

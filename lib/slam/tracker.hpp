@@ -20,7 +20,6 @@ struct TrackerOptions {
   double wide_ratio = 0.85;
   int local_key_frames = 40;
   int points_to_track = 30;
-  int points_to_track_with_planes = 10;
   int points_to_relocalise = 50;
   double max_sigma_m = 0.05;
   double max_sigma_deg = 2.0;
@@ -34,7 +33,7 @@ struct TrackerOptions {
   SensorNoise noise;
   PlaneMatchOptions plane_match;
   PoseOptions pose;
-  RansacOptions ransac;
+  RansacOptions ransac{.min_points = 3};  // what was found is judged by points_to_track
 
   void visit(OptionVisitor& v) {
     v.field("use_planes", use_planes, "track by planes as well as by points");
@@ -52,12 +51,12 @@ struct TrackerOptions {
             "of the distances of the best and the second best feature, there");
     v.field("local_key_frames", local_key_frames, {1, 1000}, "",
             "whose points are looked for; ORB-SLAM2: 80");
-    v.field("points_to_track", points_to_track, {6, 1000}, "",
-            "map points that must agree with a pose; ORB-SLAM2: 30");
-    v.field("points_to_track_with_planes", points_to_track_with_planes, {0, 1000}, "",
-            "the same when three planes that face different ways agree with it");
+    v.field(
+        "points_to_track", points_to_track, {6, 1000}, "",
+        "map points that must agree with a pose (ORB-SLAM2: 30); half of that where planes that "
+        "agree face two ways, a third where they face three");
     v.field("points_to_relocalise", points_to_relocalise, {6, 1000}, "",
-            "the same after having been lost and for a second then; ORB-SLAM2: 50");
+            "likewise after having been lost and for a second then; ORB-SLAM2: 50");
     v.field("max_sigma_m", max_sigma_m, {1e-3, 10.0}, "m",
             "a pose known less well than this, in any direction, is lost");
     v.field("max_sigma_deg", max_sigma_deg, {0.01, 90.0}, "deg", "likewise its rotation");
