@@ -22,6 +22,7 @@ function(weft_process NAME)
   target_link_libraries(weft_${NAME}_stage PUBLIC weft_flags weft_stage ${ARG_DEPENDS})
   add_executable(weft-${NAME} main.cpp)
   target_link_libraries(weft-${NAME} PRIVATE weft_${NAME}_stage)
+  set_property(GLOBAL APPEND PROPERTY WEFT_PROCESSES weft-${NAME})
 endfunction()
 
 # weft_test(NAME SOURCES ... DEPENDS ... [LABEL slow]): one GoogleTest executable NAME_test, each test known to ctest.

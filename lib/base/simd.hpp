@@ -14,10 +14,15 @@ inline bool simd_path_available(SimdPath path) {
 #endif
 }
 
-/// kAuto becomes the widest path there is.
+/// What kAuto stands for in this process: the widest path there is, or the one that the environment
+/// variable WEFT_SIMD names, "baseline" or "avx2", so that whole processes can be compared. Throws
+/// Error when it names another, or one that this processor does not have.
+SimdPath process_simd_path();
+const char* to_string(SimdPath path);
+
+/// kAuto becomes process_simd_path().
 inline SimdPath resolve_simd_path(SimdPath path) {
-  if (path != SimdPath::kAuto) return path;
-  return simd_path_available(SimdPath::kAvx2) ? SimdPath::kAvx2 : SimdPath::kBaseline;
+  return path == SimdPath::kAuto ? process_simd_path() : path;
 }
 
 }  // namespace weft

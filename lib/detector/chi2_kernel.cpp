@@ -1,5 +1,7 @@
 #include "detector/chi2_kernel.hpp"
 
+#include "base/simd.hpp"
+
 namespace {
 #include "detector/chi2_kernel.inc"
 }
@@ -12,8 +14,8 @@ void decide_baseline(const Model& model, const Histogram* histograms, std::int32
 }
 
 Kernel best_kernel() {
-  static const Kernel kernel = avx2_kernel() ? avx2_kernel() : decide_baseline;
-  return kernel;
+  static const Kernel avx2 = avx2_kernel();
+  return avx2 && process_simd_path() == SimdPath::kAvx2 ? avx2 : decide_baseline;
 }
 
 }  // namespace weft::detector::chi2

@@ -38,7 +38,7 @@ void decide_baseline(const Model& model, const Histogram* histograms, std::int32
                      double* sums);
 /// nullptr where this build or this machine has no AVX2.
 Kernel avx2_kernel();
-/// The fastest kernel of this machine.
+/// The kernel of process_simd_path().
 Kernel best_kernel();
 
 }  // namespace weft::detector::chi2

@@ -7,6 +7,7 @@
 #include <cstdio>
 #include <iostream>
 
+#include "base/simd.hpp"
 #include "stage/clock.hpp"
 #include "stage/host.hpp"
 #include "stage/source.hpp"
@@ -113,7 +114,8 @@ int run_process(int argc, char** argv, const std::string& program, const std::st
     const auto stage = factory(common.settings(program));
     options.url = common.connect_url();
     Host host(*stage, options);
-    spdlog::info("{} {} on {}", program, build_text(), options.url.to_string());
+    spdlog::info("{} {} on {}, SIMD {}", program, build_text(), options.url.to_string(),
+                 to_string(process_simd_path()));
     host.run();
     spdlog::info("stopped");
   });
@@ -153,7 +155,8 @@ int run_source(int argc, char** argv, const std::string& program, const std::str
     const auto source = factory(common.settings(program));
     options.url = common.connect_url();
     SourceHost host(*source, options);
-    spdlog::info("{} {} on {}", program, build_text(), options.url.to_string());
+    spdlog::info("{} {} on {}, SIMD {}", program, build_text(), options.url.to_string(),
+                 to_string(process_simd_path()));
     host.run();
     const Counters counters = host.counters();
     if (counters.frames_failed > 0) {
