@@ -2,6 +2,7 @@ option(WEFT_BUILD_TESTS "Build the tests" ON)
 option(WEFT_WERROR "Treat warnings as errors" OFF)
 option(WEFT_ASSERTIONS "Keep assert() in optimised builds" OFF)
 option(WEFT_SANITIZE "Build with address and undefined behaviour sanitizers" OFF)
+option(WEFT_LIBFUZZER "Build the fuzz targets for libFuzzer; clang only" OFF)
 
 set(CMAKE_CXX_STANDARD 20)
 set(CMAKE_CXX_STANDARD_REQUIRED ON)
@@ -19,9 +20,13 @@ endif()
 add_compile_options(-ffp-contract=off)
 if(WEFT_SANITIZE)
   # Instrumented code is too much for this warning of g++ 12: it finds faults in std::regex.
-  add_compile_options(-Wno-maybe-uninitialized)
+  add_compile_options($<$<CXX_COMPILER_ID:GNU>:-Wno-maybe-uninitialized>)
   add_compile_options(-fsanitize=address,undefined -fno-sanitize-recover=all -fno-omit-frame-pointer)
   add_link_options(-fsanitize=address,undefined)
+endif()
+
+if(WEFT_LIBFUZZER)
+  add_compile_options(-fsanitize=fuzzer-no-link)
 endif()
 
 find_program(WEFT_CCACHE ccache)

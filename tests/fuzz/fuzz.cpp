@@ -1,80 +1,23 @@
 #include "fuzz/fuzz.hpp"
 
-#include <gtest/gtest.h>
-#include <sys/resource.h>
+#include <sys/mman.h>
 #include <unistd.h>
 
 #include <algorithm>
-#include <csignal>
-#include <cstdio>
-#include <cstdlib>
-#include <cstring>
-#include <ctime>
-#include <fstream>
+#include <cctype>
+#include <map>
+#include <memory>
+#include <stdexcept>
 
 #include "base/error.hpp"
 #include "base/random.hpp"
 
-#ifdef __SANITIZE_ADDRESS__
-#include <sanitizer/common_interface_defs.h>
-extern "C" const char* __asan_default_options() { return "max_allocation_size_mb=1024"; }
-#endif
-
 namespace weft::fuzz {
 namespace {
 
-constexpr double kMostCpu_s = 5.0;
-constexpr unsigned kMostWall_s = 120;
-constexpr rlim_t kMostBytes = rlim_t{1} << 30;
-
-// What a crash leaves behind.
-char current[200];
-
-void tell_round() {
-  const ssize_t ignored = write(STDERR_FILENO, current, std::strlen(current));
-  static_cast<void>(ignored);
-}
-
-void on_signal(int signal) {
-  tell_round();
-  std::signal(signal, SIG_DFL);
-  std::raise(signal);
-}
-
-long setting(const char* name, long otherwise) {
-  const char* text = std::getenv(name);
-  return text ? std::atol(text) : otherwise;
-}
-
-/// Address space beyond what is in use; the sanitizer has a limit of its own.
-class MemoryLimit {
- public:
-  MemoryLimit() {
-#ifndef __SANITIZE_ADDRESS__
-    long pages = 0;
-    std::ifstream("/proc/self/statm") >> pages;
-    getrlimit(RLIMIT_AS, &before_);
-    rlimit limit = before_;
-    limit.rlim_cur = static_cast<rlim_t>(pages) * static_cast<rlim_t>(getpagesize()) + kMostBytes;
-    setrlimit(RLIMIT_AS, &limit);
-#endif
-  }
-  ~MemoryLimit() {
-#ifndef __SANITIZE_ADDRESS__
-    setrlimit(RLIMIT_AS, &before_);
-#endif
-  }
-  MemoryLimit(const MemoryLimit&) = delete;
-  MemoryLimit& operator=(const MemoryLimit&) = delete;
-
- private:
-  rlimit before_{};
-};
-
-double cpu_s() {
-  timespec now{};
-  clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &now);
-  return static_cast<double>(now.tv_sec) + 1e-9 * static_cast<double>(now.tv_nsec);
+std::map<std::string, std::function<Target()>>& registry() {
+  static std::map<std::string, std::function<Target()>> targets;
+  return targets;
 }
 
 /// A place in the bytes; the end is one, too.
@@ -171,48 +114,64 @@ void damage(Bytes& bytes, const std::vector<Bytes>& others, Random& random) {
   }
 }
 
+class MemoryFile {
+ public:
+  MemoryFile() : descriptor_(memfd_create("fuzz", MFD_CLOEXEC)) {
+    if (descriptor_ < 0) throw Error("no file in memory");
+  }
+  ~MemoryFile() { close(descriptor_); }
+  MemoryFile(const MemoryFile&) = delete;
+  MemoryFile& operator=(const MemoryFile&) = delete;
+  std::string path() const { return "/proc/self/fd/" + std::to_string(descriptor_); }
+  void set(const Bytes& bytes) const {
+    if (ftruncate(descriptor_, 0) != 0 ||
+        pwrite(descriptor_, bytes.data(), bytes.size(), 0) != static_cast<ssize_t>(bytes.size()))
+      throw std::runtime_error("cannot write a file in memory");
+  }
+
+ private:
+  int descriptor_;
+};
+
 }  // namespace
 
-void run(const Target& target) {
-  for (const Bytes& input : target.inputs) {
-    ASSERT_NO_THROW(target.decode(input)) << target.name << ": a good input";
+bool add_target(const std::string& name, std::function<Target()> make) {
+  return registry().emplace(name, std::move(make)).second;
+}
+
+std::vector<std::string> target_names() {
+  std::vector<std::string> names;
+  for (const auto& [name, make] : registry()) names.push_back(name);
+  return names;
+}
+
+Target make_target(const std::string& name) {
+  const auto at = registry().find(name);
+  if (at == registry().end()) throw Error("there is no fuzz target '" + name + "'");
+  return at->second();
+}
+
+Bytes damaged(const Target& target, long round) {
+  Random random(static_cast<std::uint64_t>(round));
+  Bytes bytes = target.inputs[random.below(target.inputs.size())];
+  for (std::uint64_t left = 1 + random.below(4); left > 0; --left) {
+    damage(bytes, target.inputs, random);
   }
-  for (const int signal : {SIGSEGV, SIGBUS, SIGFPE, SIGILL, SIGABRT, SIGALRM}) {
-    std::signal(signal, on_signal);
-  }
-#ifdef __SANITIZE_ADDRESS__
-  __sanitizer_set_death_callback(tell_round);
-#endif
-  const long first = setting("WEFT_FUZZ_FIRST", 0), rounds = setting("WEFT_FUZZ_ROUNDS", 10000);
-  const MemoryLimit limit;
-  long refused = 0;
-  for (long round = first; round < first + rounds; ++round) {
-    std::snprintf(current, sizeof current,
-                  "\nfuzz: %s failed; repeat with WEFT_FUZZ_FIRST=%ld WEFT_FUZZ_ROUNDS=1\n",
-                  target.name.c_str(), round);
-    Random random(static_cast<std::uint64_t>(round));
-    Bytes bytes = target.inputs[random.below(target.inputs.size())];
-    for (std::uint64_t left = 1 + random.below(4); left > 0; --left) {
-      damage(bytes, target.inputs, random);
-    }
-    if (target.repair && random.below(2) == 0) target.repair(bytes);
-    bytes.shrink_to_fit();  // the sanitizer sees what is read beyond
-    alarm(kMostWall_s);
-    const double started_s = cpu_s();
-    try {
-      target.decode(bytes);
-    } catch (const Error& error) {
-      ++refused;
-      EXPECT_NE(std::string(error.what()), "") << current;
-    } catch (const std::exception& error) {
-      ADD_FAILURE() << current << "threw " << error.what();
-    }
-    alarm(0);
-    EXPECT_LT(cpu_s() - started_s, kMostCpu_s) << current;
-  }
-  if (rounds >= 100) {
-    EXPECT_GT(refused, 0) << target.name;
-  }
+  if (target.repair && random.below(2) == 0) target.repair(bytes);
+  bytes.shrink_to_fit();  // the sanitizer sees what is read beyond
+  return bytes;
+}
+
+void require(bool holds, const char* what) {
+  if (!holds) throw std::logic_error(what);
+}
+
+std::function<void(const Bytes&)> through_file(std::function<void(const std::string&)> read) {
+  const auto file = std::make_shared<MemoryFile>();
+  return [file, read = std::move(read)](const Bytes& bytes) {
+    file->set(bytes);
+    read(file->path());
+  };
 }
 
 }  // namespace weft::fuzz

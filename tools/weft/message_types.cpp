@@ -316,6 +316,40 @@ class Walker {
   std::size_t at_ = 0;
 };
 
+void put(std::vector<std::uint8_t>& to, std::uint64_t value, int bytes) {
+  for (int i = bytes - 1; i >= 0; --i) to.push_back(static_cast<std::uint8_t>(value >> (8 * i)));
+}
+
+void put_example(const Type& type, int count, std::vector<std::uint8_t>& to) {
+  const auto sizes_an_array = [&](const std::string& name) {
+    return std::any_of(type.members.begin(), type.members.end(), [&](const auto& member) {
+      return std::any_of(member.dimensions.begin(), member.dimensions.end(),
+                         [&](const auto& dimension) { return dimension.text == name; });
+    });
+  };
+  for (const auto& member : type.members) {
+    std::size_t values = 1;
+    for (const auto& dimension : member.dimensions)
+      values *= dimension.constant ? dimension.size : static_cast<std::size_t>(count);
+    for (std::size_t i = 0; i < values; ++i) {
+      if (member.nested) {
+        put_example(*member.nested, count, to);
+      } else if (member.type == "string") {
+        put(to, static_cast<std::uint64_t>(count) + 1, 4);
+        to.insert(to.end(), static_cast<std::size_t>(count), 'a');
+        to.push_back(0);
+      } else if (member.type == "double") {
+        put(to, std::bit_cast<std::uint64_t>(1.0), 8);
+      } else if (member.type == "float") {
+        put(to, std::bit_cast<std::uint32_t>(1.0f), 4);
+      } else {
+        put(to, sizes_an_array(member.name) ? static_cast<std::uint64_t>(count) : 1,
+            primitive_size(member.type));
+      }
+    }
+  }
+}
+
 }  // namespace
 
 const MessageTypes& MessageTypes::built_in() {
@@ -406,6 +440,15 @@ std::optional<MessageTypes::Decoded> MessageTypes::decode(
 std::string MessageTypes::type_of(const std::vector<std::uint8_t>& message) const {
   const auto* type = find(message);
   return type ? type->name : "";
+}
+
+std::vector<std::uint8_t> MessageTypes::example(const std::string& type, int count) const {
+  const auto at = by_name_.find(type);
+  if (at == by_name_.end()) throw Error("there is no message type '" + type + "'");
+  std::vector<std::uint8_t> message;
+  put(message, fingerprint_of(*at->second), 8);
+  put_example(*at->second, std::clamp(count, 0, 127), message);
+  return message;
 }
 
 std::vector<FieldDifference> field_differences(const std::vector<MessageField>& a,

@@ -43,6 +43,9 @@ class MessageTypes {
   std::optional<Decoded> decode(const std::vector<std::uint8_t>& message) const;
   /// Name of the message's type; empty when unknown.
   std::string type_of(const std::vector<std::uint8_t>& message) const;
+  /// A whole message of a type: arrays of variable size have `count` elements a dimension, at most
+  /// 127, texts as many letters, and all other numbers are 1. Throws Error for an unknown type.
+  std::vector<std::uint8_t> example(const std::string& type, int count) const;
 
   struct Type;
 

@@ -1,5 +1,3 @@
-#include <gtest/gtest.h>
-
 #include <opencv2/core.hpp>
 
 #include "base/random.hpp"
@@ -63,51 +61,49 @@ void repair_png(Bytes& bytes) {
   }
 }
 
-void png(rgbd::PngKind kind, const cv::Mat& image, const char* name) {
-  run({name,
-       {rgbd::encode_png(image, kind)},
-       [kind](const Bytes& bytes) {
-         rgbd::decode_png(bytes.data(), bytes.size(), kind, kWidth, kHeight, "x");
-       },
-       repair_png});
+Target png(rgbd::PngKind kind, const cv::Mat& image) {
+  return {{rgbd::encode_png(image, kind)},
+          [kind](const Bytes& bytes) {
+            rgbd::decode_png(bytes.data(), bytes.size(), kind, kWidth, kHeight, "x");
+          },
+          repair_png};
 }
 
-TEST(Fuzz, ColourPng) { png(rgbd::PngKind::kColour, colour_image(), "colour PNG"); }
-TEST(Fuzz, DepthPng) { png(rgbd::PngKind::kDepth, depth_image(), "depth PNG"); }
-TEST(Fuzz, MaskPng) { png(rgbd::PngKind::kMask, mask_image(), "mask PNG"); }
+WEFT_FUZZ_TARGET(ColourPng) { return png(rgbd::PngKind::kColour, colour_image()); }
+WEFT_FUZZ_TARGET(DepthPng) { return png(rgbd::PngKind::kDepth, depth_image()); }
+WEFT_FUZZ_TARGET(MaskPng) { return png(rgbd::PngKind::kMask, mask_image()); }
 
-TEST(Fuzz, ColourJpeg) {
-  run({"colour JPEG",
-       {rgbd::encode_colour_jpeg(colour_image(), 90), rgbd::encode_colour_jpeg(colour_image(), 20)},
-       [](const Bytes& bytes) {
-         rgbd::decode_colour_jpeg(bytes.data(), bytes.size(), kWidth, kHeight, "x");
-       }});
+WEFT_FUZZ_TARGET(ColourJpeg) {
+  return {
+      {rgbd::encode_colour_jpeg(colour_image(), 90), rgbd::encode_colour_jpeg(colour_image(), 20)},
+      [](const Bytes& bytes) {
+        rgbd::decode_colour_jpeg(bytes.data(), bytes.size(), kWidth, kHeight, "x");
+      }};
 }
 
-TEST(Fuzz, ImageSize) {
-  run({"image size",
-       {rgbd::encode_colour_jpeg(colour_image(), 90),
-        rgbd::encode_png(mask_image(), rgbd::PngKind::kMask)},
-       [](const Bytes& bytes) {
-         const cv::Size size = rgbd::image_size(bytes.data(), bytes.size(), "x");
-         ASSERT_TRUE(size.width >= 1 && size.width <= 8192 && size.height >= 1 &&
-                     size.height <= 8192);
-       }});
+WEFT_FUZZ_TARGET(ImageSize) {
+  return {{rgbd::encode_colour_jpeg(colour_image(), 90),
+           rgbd::encode_png(mask_image(), rgbd::PngKind::kMask)},
+          [](const Bytes& bytes) {
+            const cv::Size size = rgbd::image_size(bytes.data(), bytes.size(), "x");
+            require(
+                size.width >= 1 && size.width <= 8192 && size.height >= 1 && size.height <= 8192,
+                "an image size out of range");
+          }};
 }
 
-TEST(Fuzz, DepthPalette) {
-  run({"depth palette code",
-       {rgbd::encode_depth_palette(depth_image()),
-        rgbd::encode_depth_palette(cv::Mat::zeros(kHeight, kWidth, CV_16UC1))},
-       [](const Bytes& bytes) {
-         rgbd::decode_depth_palette(bytes.data(), bytes.size(), kWidth, kHeight, "x");
-       }});
+WEFT_FUZZ_TARGET(DepthPalette) {
+  return {{rgbd::encode_depth_palette(depth_image()),
+           rgbd::encode_depth_palette(cv::Mat::zeros(kHeight, kWidth, CV_16UC1))},
+          [](const Bytes& bytes) {
+            rgbd::decode_depth_palette(bytes.data(), bytes.size(), kWidth, kHeight, "x");
+          }};
 }
 
-TEST(Fuzz, DepthRvl) {
-  run({"depth RVL code", {rgbd::encode_depth_rvl(depth_image())}, [](const Bytes& bytes) {
-         rgbd::decode_depth_rvl(bytes.data(), bytes.size(), kWidth, kHeight, "x");
-       }});
+WEFT_FUZZ_TARGET(DepthRvl) {
+  return {{rgbd::encode_depth_rvl(depth_image())}, [](const Bytes& bytes) {
+            rgbd::decode_depth_rvl(bytes.data(), bytes.size(), kWidth, kHeight, "x");
+          }};
 }
 
 }  // namespace
