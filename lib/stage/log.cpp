@@ -21,6 +21,8 @@ constexpr std::size_t kMaxChannel = 63;
 /// the memory or the events it seems to span.
 constexpr std::int64_t kSmallEvent = 1 << 20;
 
+constexpr const char* kOverrun = "an event whose length runs over those after it";
+
 std::uint64_t big_endian(const std::uint8_t* from, int bytes) {
   std::uint64_t value = 0;
   for (int i = 0; i < bytes; ++i) value = value << 8 | from[i];
@@ -141,13 +143,14 @@ bool LogReader::next(LogEvent& event) {
       event.followed = leads_on(header.end);
       std::int64_t inner = 0;
       if (!event.followed && find_event(offset_ + 1, header.end, true, inner)) {
-        skip_to(inner, "an event whose length runs over those after it");
+        skip_to(inner, kOverrun);
         continue;
       }
       if (!small) read_data(header, event);
       event.number = header.number;
       event.timestamp_us = header.timestamp_us;
       event.channel = std::move(header.channel);
+      last_at_ = offset_;
       offset_ = header.end;
       return true;
     }
@@ -160,6 +163,14 @@ bool LogReader::next(LogEvent& event) {
                                                      : "the end of the file holds no whole event"));
   }
   return false;
+}
+
+bool LogReader::look_inside() {
+  std::int64_t inner = 0;
+  if (!find_event(last_at_ + 1, offset_, true, inner)) return false;
+  offset_ = last_at_;
+  skip_to(inner, kOverrun);
+  return true;
 }
 
 void LogReader::read_data(const Header& header, LogEvent& event) {

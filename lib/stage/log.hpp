@@ -33,6 +33,10 @@ class LogReader {
   explicit LogReader(const std::string& path);
   /// The next whole event; false at the end of the file. Skips what is damaged and notes it.
   bool next(LogEvent& event);
+  /// For a caller that cannot believe the event next() gave last: whether its bytes hold an event
+  /// that leads to another. If so, that is the next one, and what is before it is damage: a length
+  /// that grew may end right at a later event.
+  bool look_inside();
   void rewind();
   /// Back to where offset() was before an event.
   void seek(std::int64_t offset) { offset_ = offset; }
@@ -64,6 +68,7 @@ class LogReader {
   std::string path_;
   std::unique_ptr<std::FILE, int (*)(std::FILE*)> file_;
   std::int64_t offset_ = 0;
+  std::int64_t last_at_ = 0;  // of the event next() gave last
   std::int64_t size_ = 0;
   Header newest_;  // header that was read last, and where
   std::int64_t newest_at_ = -1;

@@ -100,6 +100,8 @@ LogSurvey survey_log(const std::string& file, const MessageTypes& types) {
   std::int64_t last_time = std::numeric_limits<std::int64_t>::min();
   std::optional<std::int64_t> last_number;
   read_all(log, [&](const LogEvent& event, std::int64_t offset) {
+    auto fault = judge.fault(event);
+    if (!fault.empty() && log.look_inside()) return;  // which is damage of the log, then
     ++survey.events;
     survey.first_us = std::min(survey.first_us, event.timestamp_us);
     survey.last_us = std::max(survey.last_us, event.timestamp_us);
@@ -111,7 +113,7 @@ LogSurvey survey_log(const std::string& file, const MessageTypes& types) {
     if (channel.messages++ == 0) channel.type = types.type_of(event.data);
     channel.bytes += static_cast<std::int64_t>(event.data.size());
     channel.largest = std::max(channel.largest, static_cast<std::int64_t>(event.data.size()));
-    if (auto fault = judge.fault(event); !fault.empty()) {
+    if (!fault.empty()) {
       ++survey.faulty_events;
       if (survey.problems.size() < LogReader::kMaxDamages)
         survey.problems.push_back({offset, log.offset() - offset, std::move(fault)});
@@ -147,8 +149,10 @@ CopyCounts repair_log(const std::string& file, const std::string& out, const Mes
   EventJudge judge(types);
   CopyCounts counts;
   read_all(log, [&](const LogEvent& event, std::int64_t) {
+    const bool faulty = !judge.fault(event).empty();
+    if (faulty && log.look_inside()) return;
     ++counts.read;
-    if (judge.fault(event).empty()) {
+    if (!faulty) {
       to.write(event.timestamp_us, event.channel, event.data);
     } else {
       ++counts.left_out_faulty;

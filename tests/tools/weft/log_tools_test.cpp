@@ -184,6 +184,42 @@ TEST_F(LogTools, ALengthThatGrewCostsOneEvent) {
   }
 }
 
+/// Every bit of every header: sync word, number, timestamp and the two lengths.
+TEST_F(LogTools, ABitFlippedInAHeaderCostsNoOtherEvent) {
+  write_robot_log(path("a.lcm"), 2, 300);
+  const auto whole = test::read_bytes(path("a.lcm"));
+  const auto all = events_of(path("a.lcm"));
+  std::size_t begin = 0;
+  for (std::size_t hit = 0; hit < all.size(); ++hit) {
+    for (std::size_t bit = 0; bit < 28 * 8; ++bit) {
+      auto bad = whole;
+      auto& byte = bad[begin + bit / 8];
+      byte = static_cast<char>(byte ^ (1 << (bit % 8)));
+      test::write_bytes(path("bad.lcm"), bad);
+      std::vector<LogEvent> left;  // what repair_log writes, without its wait for the disk
+      LogReader log(path("bad.lcm"));
+      EventJudge judge(types_);
+      for (LogEvent event; log.next(event);) {
+        if (judge.fault(event).empty()) {
+          left.push_back(event);
+        } else {
+          log.look_inside();
+        }
+      }
+      const bool framing = bit / 8 < 4 || bit / 8 >= 20;
+      // A number or a time has no right or wrong of its own, so its event is kept.
+      ASSERT_EQ(left.size(), all.size() - (framing ? 1 : 0)) << "event " << hit << ", bit " << bit;
+      ASSERT_NE(survey_log(path("bad.lcm"), types_).healthy(), framing) << hit << ", " << bit;
+      for (std::size_t i = 0; i < left.size(); ++i) {
+        const auto& original = all[i + (framing && i >= hit ? 1 : 0)];
+        ASSERT_EQ(left[i].channel, original.channel) << "event " << hit << ", bit " << bit;
+        ASSERT_EQ(left[i].data, original.data) << "event " << hit << ", bit " << bit;
+      }
+    }
+    begin += 28 + all[hit].channel.size() + all[hit].data.size();
+  }
+}
+
 /// With a hole of 256 MB between two halves of a log, and 75 MB of messages.
 TEST_F(LogTools, MemoryDoesNotGrowWithTheLog) {
   write_robot_log(path("a.lcm"), 10);
