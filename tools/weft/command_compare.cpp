@@ -15,6 +15,8 @@ int compare_command(const CompareCommand& command) {
   options.threshold = command.threshold;
   options.overlap = command.overlap;
   options.variant = command.variant;
+  options.truth = command.truth;
+  options.channel = command.channel;
   const auto comparison = compare_logs(command.log_a, command.log_b, options, types);
   for (const auto& damage : comparison.damage) fmt::print(stderr, "{}\n", damage);
   fmt::print("{}", to_text(comparison));

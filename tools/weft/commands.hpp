@@ -75,7 +75,7 @@ struct DemoCommand {
 int demo_command(const DemoCommand& command, const StageRegistry& registry);
 
 struct CompareCommand {
-  std::string log_a, log_b, variant, json, html, types;
+  std::string log_a, log_b, variant, json, html, types, truth, channel = "PART_DETECTIONS";
   double threshold = 0.2;
   double overlap = 0.5;
   int pictures = 24;

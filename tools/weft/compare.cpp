@@ -149,6 +149,138 @@ std::string base64(const std::uint8_t* data, std::size_t size) {
   return out;
 }
 
+/// A table of the text and of the page.
+struct Table {
+  std::vector<std::string> head;
+  std::vector<std::vector<std::string>> rows;
+  std::string note;
+  std::vector<const std::vector<std::string>*> all_rows() const {
+    std::vector<const std::vector<std::string>*> all{&head};
+    for (const auto& row : rows) all.push_back(&row);
+    return all;
+  }
+};
+
+/// Latency of the stages of either run, in the order of B, then those of A alone.
+Table latency_table(const Comparison& all) {
+  Table table{
+      {"ms", "A p50", "B p50", "B / A", "A p95", "B p95", "A CPU p50", "B CPU p50"}, {}, ""};
+  const auto row = [&](const std::string& name, const Quantiles* a, const Quantiles* b,
+                       const Quantiles* cpu_a, const Quantiles* cpu_b) {
+    const auto text = [](const Quantiles* q, double Quantiles::*which) {
+      return q ? fmt::format("{:.2f}", q->*which) : "";
+    };
+    table.rows.push_back({name, text(a, &Quantiles::p50), text(b, &Quantiles::p50),
+                          a && b && a->p50 > 0 ? fmt::format("{:.2f}", b->p50 / a->p50) : "",
+                          text(a, &Quantiles::p95), text(b, &Quantiles::p95),
+                          text(cpu_a, &Quantiles::p50), text(cpu_b, &Quantiles::p50)});
+  };
+  const auto find = [](const TimingReport& report, const std::string& name) {
+    const auto at = std::find_if(report.stages.begin(), report.stages.end(),
+                                 [&](const auto& each) { return each.stage == name; });
+    return at == report.stages.end() ? nullptr : &*at;
+  };
+  for (const auto& b : all.timing_b.stages) {
+    const auto* a = find(all.timing_a, b.stage);
+    row(b.stage, a ? &a->work : nullptr, &b.work, a ? &a->cpu : nullptr, &b.cpu);
+  }
+  for (const auto& a : all.timing_a.stages) {
+    if (!find(all.timing_b, a.stage)) row(a.stage, &a.work, nullptr, &a.cpu, nullptr);
+  }
+  if (!all.timing_a.frames.empty() && !all.timing_b.frames.empty())
+    row("end to end", &all.timing_a.end_to_end, &all.timing_b.end_to_end, nullptr, nullptr);
+  if (!table.rows.empty())
+    table.note = fmt::format("throughput: A {:.1f}, B {:.1f} frames/s\n",
+                             all.timing_a.frames_per_second, all.timing_b.frames_per_second);
+  return table;
+}
+
+using Score = std::optional<double> evaluation::PartScore::*;
+constexpr std::pair<const char*, Score> kScores[] = {
+    {"recall_at_1", &evaluation::PartScore::recall_at_1},
+    {"recall_at_3", &evaluation::PartScore::recall_at_3},
+    {"recall_at_5", &evaluation::PartScore::recall_at_5},
+    {"ap", &evaluation::PartScore::ap}};
+
+/// Percent in A and in B, and how much more in B.
+Table truth_table(const Comparison& all) {
+  Table table;
+  if (!all.truth) return table;
+  const auto& truth = *all.truth;
+  const auto put = [](std::vector<std::string>& row, const std::optional<double>& a,
+                      const std::optional<double>& b) {
+    row.push_back(a ? fmt::format("{:.1f}", 100 * *a) : "");
+    row.push_back(b ? fmt::format("{:.1f}", 100 * *b) : "");
+    row.push_back(a && b ? fmt::format("{:+.1f}", 100 * (*b - *a)) : "");
+  };
+  table.head = {"against the truth, %",
+                "images",
+                "A R@1",
+                "B R@1",
+                "B - A",
+                "A R@3",
+                "B R@3",
+                "B - A",
+                "A AP",
+                "B AP",
+                "B - A"};
+  for (std::size_t i = 0; i < truth.a.parts.size(); ++i) {
+    const auto &a = truth.a.parts[i], &b = truth.b.parts[i];
+    if (a.positives == 0) continue;
+    std::vector<std::string> row{a.part, std::to_string(a.positive_images)};
+    put(row, a.recall_at_1, b.recall_at_1);
+    put(row, a.recall_at_3, b.recall_at_3);
+    put(row, a.ap, b.ap);
+    table.rows.push_back(std::move(row));
+  }
+  std::vector<std::string> mean{"mean", std::to_string(truth.images)};
+  put(mean, truth.a.mean_recall_at_1, truth.b.mean_recall_at_1);
+  put(mean, std::nullopt, std::nullopt);
+  put(mean, truth.a.map, truth.b.map);
+  table.rows.push_back(std::move(mean));
+  const auto gained = static_cast<std::size_t>(std::count_if(
+      truth.changes.begin(), truth.changes.end(), [](const auto& each) { return each.gained; }));
+  table.note =
+      fmt::format("best detection of a part: right in B alone in {} images, in A alone in {}\n",
+                  gained, truth.changes.size() - gained);
+  if (truth.failed_a + truth.failed_b > 0)
+    table.note +=
+        fmt::format("without an answer: {} images in A, {} in B\n", truth.failed_a, truth.failed_b);
+  return table;
+}
+
+nlohmann::json to_json(const Table& table) {
+  return {{"head", table.head}, {"rows", table.rows}, {"note", table.note}};
+}
+
+ordered_json to_json(const TruthComparison& truth) {
+  const auto number = [](const std::optional<double>& value) {
+    return value ? ordered_json(*value) : ordered_json(nullptr);
+  };
+  const auto entry = [&](const std::optional<double>& a, const std::optional<double>& b) {
+    return ordered_json{{"a", number(a)},
+                        {"b", number(b)},
+                        {"difference", a && b ? ordered_json(*b - *a) : ordered_json(nullptr)}};
+  };
+  ordered_json json{
+      {"images", truth.images},
+      {"failed_a", truth.failed_a},
+      {"failed_b", truth.failed_b},
+      {"map", entry(truth.a.map, truth.b.map)},
+      {"mean_recall_at_1", entry(truth.a.mean_recall_at_1, truth.b.mean_recall_at_1)}};
+  for (std::size_t i = 0; i < truth.a.parts.size(); ++i) {
+    const auto &a = truth.a.parts[i], &b = truth.b.parts[i];
+    auto& part = json["parts"][a.part];
+    part["positives"] = a.positives;
+    for (const auto& [name, score] : kScores) part[name] = entry(a.*score, b.*score);
+  }
+  json["changes"] = ordered_json::array();
+  for (const auto& each : truth.changes)
+    json["changes"].push_back(
+        {{"image", each.image}, {"part", each.part}, {"right_in", each.gained ? "b" : "a"}});
+  return json;
+}
+
 nlohmann::json to_json(const std::vector<Detection>& detections) {
   auto list = nlohmann::json::array();
   for (const auto& each : detections)
@@ -278,10 +410,15 @@ Comparison compare_logs(const std::string& log_a, const std::string& log_b,
     for (const auto& stage : all.timing_b.stages) variants.insert(stage.stage + suffix);
   }
   all.timing_a = read_timing(log_a, "", variants);
+  if (!options.truth.empty())
+    all.truth = compare_with_truth(log_a, options.channel, file_b, options.channel + suffix,
+                                   options.truth, options.threshold);
   return all;
 }
 
-std::string to_text(const Comparison& all) {
+namespace {
+
+std::string channels_text(const Comparison& all) {
   std::string text = fmt::format("A: {}\nB: {}\n\n", all.name_a, all.name_b);
   text +=
       fmt::format("{:<24} {:<20} {:>7} {:>9} {:>7} {:>7} {:>12}  {}\n", "channel", "type", "equal",
@@ -317,21 +454,22 @@ std::string to_text(const Comparison& all) {
   if (all.grasps > 0)
     text += fmt::format("grasp points: {} in both, moved by {:.1f} mm median, {:.1f} at most\n",
                         all.grasps, all.grasp_shift_mm.p50, all.grasp_shift_mm.max);
-  text += fmt::format("\n{:<20} {:>10} {:>10} {:>8} {:>10} {:>10}\n", "stage, ms of work", "A p50",
-                      "B p50", "B / A", "A p95", "B p95");
-  for (const auto& stage : all.timing_b.stages) {
-    const auto base = std::find_if(all.timing_a.stages.begin(), all.timing_a.stages.end(),
-                                   [&](const auto& each) { return each.stage == stage.stage; });
-    if (base == all.timing_a.stages.end()) {
-      text += fmt::format("{:<20} {:>10} {:>10.2f} {:>8} {:>10} {:>10.2f}\n", stage.stage, "",
-                          stage.work.p50, "", "", stage.work.p95);
-      continue;
+  return text;
+}
+
+}  // namespace
+
+std::string to_text(const Comparison& all) {
+  std::string text = channels_text(all);
+  for (const auto& table : {truth_table(all), latency_table(all)}) {
+    if (table.rows.empty()) continue;
+    text += "\n";
+    for (const auto* row : table.all_rows()) {
+      for (std::size_t i = 0; i < row->size(); ++i)
+        text += i == 0 ? fmt::format("{:<22}", (*row)[i]) : fmt::format(" {:>9}", (*row)[i]);
+      text += "\n";
     }
-    text += fmt::format(
-        "{:<20} {:>10.2f} {:>10.2f} {:>8} {:>10.2f} {:>10.2f}\n", stage.stage, base->work.p50,
-        stage.work.p50,
-        base->work.p50 > 0 ? fmt::format("{:.2f}", stage.work.p50 / base->work.p50) : "",
-        base->work.p95, stage.work.p95);
+    text += table.note;
   }
   return text;
 }
@@ -368,8 +506,12 @@ std::string to_json(const Comparison& all) {
                                  {"lost", each.lost.size()}});
   for (const auto* side : {"a", "b"}) {
     const auto& report = *side == 'a' ? all.timing_a : all.timing_b;
-    json["stages_" + std::string(side)] = ordered_json::parse(to_json(report))["stages"];
+    const auto timing = ordered_json::parse(to_json(report));
+    json["stages_" + std::string(side)] = timing["stages"];
+    json["end_to_end_" + std::string(side)] = timing["end_to_end"];
+    json["frames_per_second_" + std::string(side)] = report.frames_per_second;
   }
+  if (all.truth) json["truth"] = to_json(*all.truth);
   return json.dump(2);
 }
 
@@ -394,7 +536,10 @@ std::string to_page(const Comparison& all, std::size_t pictures) {
         images[*name].push_back(std::move(*part));
     }
   }
-  nlohmann::json page{{"text", to_text(all)}, {"frames", nlohmann::json::array()}};
+  nlohmann::json page{{"text", channels_text(all)},
+                      {"truth", to_json(truth_table(all))},
+                      {"latency", to_json(latency_table(all))},
+                      {"frames", nlohmann::json::array()}};
   page["summary"] = fmt::format("{} of {} frames differ; {} detections gained, {} lost, {} in both",
                                 all.different.size(), all.frames, all.gained, all.lost, all.kept);
   page["hidden"] = all.different.size() - shown.size();
@@ -406,6 +551,7 @@ std::string to_page(const Comparison& all, std::size_t pictures) {
                          {"lost", to_json(frame->lost)},
                          {"image", ""},
                          {"source", ""},
+                         {"truth", nlohmann::json::array()},
                          {"width", 640},
                          {"height", 480}};
     PlayedFrame played;
@@ -414,6 +560,14 @@ std::string to_page(const Comparison& all, std::size_t pictures) {
     if (const auto content = read_content(played); content.rgbd) {
       const auto& rgbd = *content.rgbd;
       entry["source"] = rgbd.source;
+      if (all.truth && all.truth->polygons.contains(rgbd.source)) {
+        for (const auto& polygon : all.truth->polygons.at(rgbd.source)) {
+          if (polygon.ignore) continue;
+          auto points = nlohmann::json::array();
+          for (const auto& point : polygon.points) points.push_back({point.x, point.y});
+          entry["truth"].push_back({{"part", polygon.part}, {"points", points}});
+        }
+      }
       entry["width"] = rgbd.camera_model.width;
       entry["height"] = rgbd.camera_model.height;
       const bool jpeg = rgbd.colour_encoding == weft::rgbd_frame_t::COLOUR_JPEG;

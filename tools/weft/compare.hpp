@@ -3,9 +3,11 @@
 #include <array>
 #include <cstdint>
 #include <map>
+#include <optional>
 #include <string>
 #include <vector>
 
+#include "tools/weft/compare_truth.hpp"
 #include "tools/weft/frame_name.hpp"
 #include "tools/weft/message_types.hpp"
 #include "tools/weft/timing_report.hpp"
@@ -19,6 +21,8 @@ struct CompareOptions {
   /// Not empty: log_b is not read; CHANNEL@variant of log_a is compared with its CHANNEL, and stage
   /// NAME@variant with NAME.
   std::string variant;
+  std::string truth;                        // dataset folder of the frames' scenes; empty: none
+  std::string channel = "PART_DETECTIONS";  // what is judged by it; the variant's has the suffix
 };
 
 struct ChannelComparison {
@@ -56,6 +60,7 @@ struct Comparison {
   std::size_t grasps = 0;                                   // compared, of one part and detection
   Quantiles grasp_shift_mm;
   TimingReport timing_a, timing_b;
+  std::optional<TruthComparison> truth;
   std::vector<std::string> damage;
   bool same() const;  // in every payload
 };

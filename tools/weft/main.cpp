@@ -203,6 +203,11 @@ int run(int argc, char** argv) {
   sub->add_option("--variant", compare.variant,
                   "compare CHANNEL with CHANNEL@VARIANT of one log, instead of two logs")
       ->excludes(log_b);
+  sub->add_option("--truth", compare.truth,
+                  "dataset folder the frames were captured from: recall and precision of both, and "
+                  "their difference");
+  sub->add_option("--channel", compare.channel, "detections that are judged by the truth")
+      ->capture_default_str();
   sub->add_option("--json", compare.json, "write it to this file");
   sub->add_option("--html", compare.html, "write a page with pictures to this file");
   sub->add_option("--threshold", compare.threshold, "detections below this do not count")

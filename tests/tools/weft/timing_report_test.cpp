@@ -4,6 +4,12 @@
 
 #include <nlohmann/json.hpp>
 
+#include "base/text_file.hpp"
+#include "stage/log.hpp"
+#include "stage/telemetry.hpp"
+#include "support/files.hpp"
+#include "tools/weft/commands.hpp"
+#include "tools/weft/message.hpp"
 #include "weft/status_t.hpp"
 
 namespace weft {
@@ -33,6 +39,7 @@ weft::stage_status_t ports(const std::string& stage, const std::vector<std::stri
     status.fingerprints.push_back({weft::type_fingerprint_t::INPUT, each, "", 0});
   for (const auto& each : outputs)
     status.fingerprints.push_back({weft::type_fingerprint_t::OUTPUT, each, "", 0});
+  status.fingerprint_count = static_cast<std::int32_t>(status.fingerprints.size());
   return status;
 }
 
@@ -151,6 +158,88 @@ TEST(TimingReport, ATraceHoldsEverySpanAndArrow) {
   EXPECT_EQ(phases["f"], 8);
   EXPECT_EQ(phases["b"], phases["e"]);
   EXPECT_EQ(phases["b"], 12) << "words never waits";
+}
+
+/// A hundred frames, ten a second, of which every figure is worked out by hand. mask waits 1 ms and
+/// works 10.0, 10.1, ... 19.9 ms; parts waits 2 ms, once 7 ms, and works 5 ms.
+TEST(TimingCommand, FiguresOfAHandMadeLog) {
+  const test::TemporaryFolder folder;
+  {
+    stage::LogWriter log(folder / "a.lcm");
+    for (const auto& status :
+         {ports("mask", {"RGBD_FRAME"}, {"FOREGROUND"}), ports("parts", {"FOREGROUND"}, {"PARTS"})})
+      log.write(kStart, stage::kStatusChannel, encode_message(status));
+    for (int i = 0; i < 100; ++i) {
+      const int seq = i < 30 ? i : i + 2;  // 30 and 31 got lost
+      weft::stage_timing_t mask{};
+      mask.header = {0, "left", 1, seq, "camera"};
+      mask.stage = "mask";
+      mask.host = "robot-1";
+      mask.received_utime = kStart + seq * 100'000;
+      mask.started_utime = mask.received_utime + 1'000;
+      mask.finished_utime = mask.started_utime + 10'000 + 100 * i;
+      mask.published_utime = mask.finished_utime + 300;
+      mask.cpu_us = 5'000 + 50 * i;
+      auto parts = mask;
+      parts.stage = "parts";
+      parts.received_utime = mask.published_utime + 200;
+      parts.started_utime = parts.received_utime + (i == 0 ? 7'000 : 2'000);
+      parts.finished_utime = parts.started_utime + 5'000;
+      parts.published_utime = parts.finished_utime + 400;
+      parts.cpu_us = 9'000;
+      parts.status_code = i == 10            ? weft::status_t::DROPPED
+                          : i == 11          ? weft::status_t::MISSING_INPUT
+                          : i < 15 && i > 11 ? weft::status_t::FAILED
+                                             : weft::status_t::OK;
+      for (const auto& timing : {mask, parts})
+        log.write(timing.published_utime, stage::kTimingChannel, encode_message(timing));
+    }
+    log.close();
+  }
+  ASSERT_EQ(
+      timing_command(folder / "a.lcm", folder / "a.json", folder / "a.html", folder / "a.trace"),
+      0);
+  const auto json = nlohmann::json::parse(read_text_file(folder / "a.json"));
+  const auto expect = [&](const nlohmann::json& at, const std::string& prefix, double p50,
+                          double p95, double p99, double max) {
+    EXPECT_NEAR(at[prefix + "p50_ms"], p50, 1e-9) << prefix;
+    EXPECT_NEAR(at[prefix + "p95_ms"], p95, 1e-9) << prefix;
+    EXPECT_NEAR(at[prefix + "p99_ms"], p99, 1e-9) << prefix;
+    EXPECT_NEAR(at[prefix + "max_ms"], max, 1e-9) << prefix;
+  };
+  const auto &mask = json["stages"]["mask"], &parts = json["stages"]["parts"];
+  expect(mask, "", 14.9, 19.4, 19.8, 19.9);
+  expect(mask, "wait_", 1, 1, 1, 1);
+  expect(mask, "publish_", 0.3, 0.3, 0.3, 0.3);
+  expect(mask, "cpu_", 7.45, 9.7, 9.9, 9.95);
+  expect(parts, "", 5, 5, 5, 5);
+  expect(parts, "wait_", 2, 2, 2, 7);
+  expect(parts, "cpu_", 9, 9, 9, 9);
+  // 8.9 ms more than mask's work, and 13.9 of the first frame.
+  expect(json["end_to_end"], "", 23.9, 28.3, 28.7, 28.8);
+  expect(json["transport"], "", 0.2, 0.2, 0.2, 0.2);
+  EXPECT_EQ(json["frames"], 100);
+  EXPECT_NEAR(json["frames_per_second"], 100 / 10.1288, 1e-9) << "to the end of frame 101";
+  EXPECT_EQ(mask["gaps"], 2);
+  EXPECT_EQ(mask["dropped"].get<int>() + mask["failed"].get<int>(), 0);
+  EXPECT_EQ(parts["dropped"], 1);
+  EXPECT_EQ(parts["missing_input"], 1);
+  EXPECT_EQ(parts["failed"], 3);
+  EXPECT_EQ(mask["critical_frames"], 100);
+  EXPECT_EQ(parts["critical_frames"], 100);
+  EXPECT_NEAR(mask["critical_ms"], 1 + 14.95 + 0.3, 1e-9);
+  EXPECT_NEAR(parts["critical_ms"], 0.2 + 2.05 + 5 + 0.4, 1e-9);
+  const auto page = read_text_file(folder / "a.html");
+  const auto begin = page.find("id=\"data\">") + 10;
+  const auto data =
+      nlohmann::json::parse(page.substr(begin, page.find("</script>", begin) - begin));
+  EXPECT_EQ(data["timing"]["spans"].size(), 200u);
+  const auto trace = nlohmann::json::parse(read_text_file(folder / "a.trace"));
+  double work_us = 0;
+  for (const auto& event : trace["traceEvents"]) {
+    if (event["ph"] == "X") work_us += event["dur"].get<double>();
+  }
+  EXPECT_NEAR(work_us, 1000 * (100 * 14.95 + 100 * 5), 1e-3);
 }
 
 }  // namespace
