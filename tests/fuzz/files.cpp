@@ -1,5 +1,7 @@
+#include <cmath>
 #include <filesystem>
 #include <limits>
+#include <map>
 #include <memory>
 #include <opencv2/core.hpp>
 #include <opencv2/imgcodecs.hpp>
@@ -9,6 +11,7 @@
 #include "dataset/iri.hpp"
 #include "dataset/readers.hpp"
 #include "dataset/scene.hpp"
+#include "dataset/sequence.hpp"
 #include "dataset/trajectory_file.hpp"
 #include "fuzz/blob.hpp"
 #include "fuzz/fuzz.hpp"
@@ -203,6 +206,56 @@ WEFT_FUZZ_TARGET(CtuAnnotation) {
             if (!std::filesystem::is_symlink(link)) std::filesystem::create_symlink(path, link);
             dataset::open_ctu(folder->string())->read(0);
           })};
+}
+
+/// One file of a recording that is otherwise whole; others: path and content.
+Target sequence_file(const std::string& name, const std::vector<std::string>& inputs,
+                     const std::map<std::string, std::string>& others) {
+  const auto folder = std::make_shared<test::TemporaryFolder>();
+  for (const auto& [path, text] : others) {
+    std::filesystem::create_directories(std::filesystem::path(*folder / path).parent_path());
+    test::write_bytes(*folder / path, text);
+  }
+  Target target{{}, through_file([folder, name](const std::string& path) {
+                  const std::string link = *folder / name;
+                  if (!std::filesystem::is_symlink(link))
+                    std::filesystem::create_symlink(path, link);
+                  const auto sequence = dataset::open_sequence(folder->string());
+                  require(std::isfinite(sequence.depth_unit_m) && sequence.depth_unit_m > 0,
+                          "an impossible depth unit");
+                  sequence.camera.validate("camera");
+                  for (const auto& pose : sequence.truth)
+                    require(pose.camera_in_world.allFinite() &&
+                                pose.rotation_world_camera.coeffs().allFinite(),
+                            "a pose that is not finite");
+                })};
+  for (const auto& input : inputs) target.inputs.push_back(bytes_of(input));
+  return target;
+}
+
+const std::string kRgbList = "# colour\n1305031098.6659 rgb/a.png\n1305031098.70 rgb/b.png\n";
+const std::string kDepthList = "1305031098.67 depth/a.png\n1305031098.69 depth/b.png\n";
+
+WEFT_FUZZ_TARGET(SequenceList) {
+  return sequence_file("rgb.txt", {kRgbList}, {{"depth.txt", kDepthList}});
+}
+
+WEFT_FUZZ_TARGET(SequenceAssociations) {
+  return sequence_file("associations.txt",
+                       {"1.5 rgb/a.png 1.6 depth/a.png\n2 depth/b.png 2 rgb/b.png\n"},
+                       {{"rgb.txt", kRgbList}, {"depth.txt", kDepthList}});
+}
+
+WEFT_FUZZ_TARGET(SequenceCamera) {
+  return sequence_file("camera.yaml",
+                       {"width: 640\nheight: 480\nfx: 525\nfy: 525.5\ncx: 319.5\ncy: 239.5\n"
+                        "depth_factor: 5000\n"},
+                       {{"rgb.txt", kRgbList}, {"depth.txt", kDepthList}});
+}
+
+WEFT_FUZZ_TARGET(SequencePose) {
+  return sequence_file("frame-000000.pose.txt", {"1 0 0 0.5\n0 1 0 -0.5\n0 0 1 2e-1\n0 0 0 1\n"},
+                       {{"frame-000000.color.png", ""}, {"frame-000000.depth.png", ""}});
 }
 
 /// Images of data sets, as they lie there.
