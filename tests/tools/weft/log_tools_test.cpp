@@ -186,7 +186,9 @@ TEST_F(LogTools, ALengthThatGrewCostsOneEvent) {
 
 /// Every bit of every header: sync word, number, timestamp and the two lengths.
 TEST_F(LogTools, ABitFlippedInAHeaderCostsNoOtherEvent) {
-  write_robot_log(path("a.lcm"), 2, 300);
+  write_robot_log(path("robot.lcm"), 2, 300);
+  // Of known types: one of an unknown type is only trusted with a sound event after it.
+  filter_log(path("robot.lcm"), path("a.lcm"), {{}, {"JOYSTICK"}, ""});
   const auto whole = test::read_bytes(path("a.lcm"));
   const auto all = events_of(path("a.lcm"));
   std::size_t begin = 0;
