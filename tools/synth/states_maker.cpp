@@ -29,7 +29,7 @@ namespace {
 
 using nlohmann::json;
 
-constexpr int kVersion = 3;  // of the recipe: same version and settings, same bytes
+constexpr int kVersion = 4;  // of the recipe: same version and settings, same bytes
 constexpr int kFramesPerSecond = 30;
 constexpr int kMinPixels = 64;       // of an annotated instance
 constexpr int kTestEvery = 4;        // of the simulations of a state
@@ -189,6 +189,25 @@ std::string draw_kind(Random& r, bool test) {
   if (pick < 0.65) return "apart";
   if (pick < 0.85 || !test) return "touching-different-colours";
   return "touching-same-colour";
+}
+
+/// Where the paper's data set (section 3.2) has such an image: the first of its versions v1 to v4
+/// that holds it, and the test subset's name.
+struct Subset {
+  int version;
+  std::string name;
+};
+constexpr int kVersions = 4;
+constexpr const char* kSubsets[] = {"v1", "v2c", "v3ma", "v3mcd", "v3mcs", "v4sd"};
+
+Subset subset_of(bool top, const Arrangement& a) {
+  if (!top) return {4, "v4sd"};
+  if (a.kind == "single") {
+    const std::string& fabric = a.content.fabrics[0].family;
+    return fabric == "plain" || fabric == "logo" ? Subset{1, "v1"} : Subset{2, "v2c"};
+  }
+  if (a.kind == "apart") return {3, "v3ma"};
+  return {3, a.kind == "touching-same-colour" ? "v3mcs" : "v3mcd"};
 }
 
 rgbd::CameraModel draw_camera(Random& r) {
@@ -401,6 +420,9 @@ StatesProgress make_states(SimulationSource& simulations, const std::string& fol
       write_png(out / "depth" / file, p.depth);
       write_png(out / "labels" / file, p.labels);
       const auto& c = view.camera;
+      const Subset subset = subset_of(top, a);
+      json fabrics = json::array();
+      for (const auto& fabric : a.content.fabrics) fabrics.push_back(fabric.family);
       const json meta = {
           {"image",
            {{"file_name", file},
@@ -411,7 +433,10 @@ StatesProgress make_states(SimulationSource& simulations, const std::string& fol
             {"view", top ? "top" : "beside"},
             {"arrangement", index},
             {"kind", a.kind},
-            {"split", test ? "test" : "train"}}},
+            {"fabrics", fabrics},
+            {"split", test ? "test" : "train"},
+            {"version", subset.version},
+            {"subset", subset.name}}},
           {"annotations", coco_annotations(p.labels, coco_instances(a), kMinPixels)}};
       write_text_file(meta_of(i), meta.dump() + "\n");
     }
@@ -421,22 +446,29 @@ StatesProgress make_states(SimulationSource& simulations, const std::string& fol
     return result;
   }
 
-  std::map<std::string, std::vector<json>> by_split = {{"train", {}}, {"test", {}}};
+  std::map<std::string, std::vector<json>> files = {{"train", {}}, {"test", {}}};
+  for (int v = 1; v < kVersions; ++v) files[fmt::format("train-v{}", v)];
+  for (const auto* name : kSubsets) files[std::string("test-") + name];
   std::map<std::string, int> instances, kinds;
   for (int i = 0; i < recipe.scenes; ++i) {
-    json meta = json::parse(read_text_file(meta_of(i)));
+    const json meta = json::parse(read_text_file(meta_of(i)));
     const auto& image = meta["image"];
-    ++kinds[fmt::format("{} {} {}", image["split"].get<std::string>(),
-                        image["view"].get<std::string>(), image["kind"].get<std::string>())];
-    for (const auto& each : meta["annotations"]) {
-      ++instances[image["split"].get<std::string>() + " " +
-                  coco_categories()[each["category_id"].get<std::size_t>() - 1]];
+    const std::string split = image["split"];
+    ++kinds[fmt::format("{} {} {}", split, image["view"].get<std::string>(),
+                        image["kind"].get<std::string>())];
+    for (const auto& each : meta["annotations"])
+      ++instances[split + " " + coco_categories()[each["category_id"].get<std::size_t>() - 1]];
+    files.at(split).push_back(meta);
+    if (split == "test") {
+      files.at("test-" + image["subset"].get<std::string>()).push_back(meta);
+    } else {
+      for (int v = image["version"]; v < kVersions; ++v)
+        files.at(fmt::format("train-v{}", v)).push_back(meta);
     }
-    by_split[image["split"]].push_back(std::move(meta));
   }
-  for (const auto& [split, images] : by_split) {
-    write_text_file(out / "annotations" / ("instances_" + split + ".json"),
-                    coco_file(images, "Weft T-shirt states, " + split).dump() + "\n");
+  for (const auto& [name, images] : files) {
+    write_text_file(out / "annotations" / ("instances_" + name + ".json"),
+                    coco_file(images, "Weft T-shirt states, " + name).dump() + "\n");
   }
   if (!fs::exists(out / "contact-sheet.png")) {
     write_contact_sheet(out / "contact-sheet.png", sources, jobs, recipe.seed, report, stopped);

@@ -22,11 +22,12 @@ struct StatesProgress {
 using StatesReport = std::function<void(const StatesProgress&)>;
 
 /// Files, in `out`: images/, depth/ (16 bits, 5000 a metre), labels/ (instances), meta/,
-/// annotations/instances_{train,test}.json (COCO), meshes/STATE/*.obj, meshes/desk/*.obj,
-/// contact-sheet.png, summary.txt, dataset.json. Splits are by simulation: every fourth of a state
-/// is for testing; scenes whose T-shirts touch in the same fabric are for testing only. What is
-/// finished is kept; same simulations, recipe and version give the same bytes. settings: what
-/// dataset.json says about how the set was made. Throws Error when the folder was made with others.
+/// annotations/instances_*.json (COCO: train, test, and the paper's versions and test subsets),
+/// meshes/STATE/*.obj, meshes/desk/*.obj, contact-sheet.png, summary.txt, dataset.json. Splits are
+/// by simulation: every fourth of a state is for testing; scenes whose T-shirts touch in the same
+/// fabric are for testing only. What is finished is kept; same simulations, recipe and version give
+/// the same bytes. settings: what dataset.json says about how the set was made. Throws Error when
+/// the folder was made with others.
 StatesProgress make_states(SimulationSource& simulations, const std::string& out,
                            const StatesRecipe& recipe, const std::string& settings, int jobs,
                            const StatesReport& report, const std::function<bool()>& stopped);

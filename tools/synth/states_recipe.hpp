@@ -34,7 +34,7 @@ struct SequencesRecipe {
   int attempts = 10;
   int scenes = 4;
   double seconds = 20.0;
-  int samples = 1;
+  int samples = 2;
 
   void visit(OptionVisitor& v) {
     v.field("seed", seed, {0, 1 << 30}, "", "of everything that is drawn");
@@ -42,7 +42,8 @@ struct SequencesRecipe {
     v.field("attempts", attempts, {1, 10}, "", "poses tried before a T-shirt is given up");
     v.field("scenes", scenes, {1, 1000}, "", "sequences");
     v.field("seconds", seconds, {0.1, 600.0}, "s", "length of a sequence, at 30 Hz");
-    v.field("samples", samples, {1, 4}, "", "colour samples a pixel along each axis");
+    v.field("samples", samples, {1, 4}, "",
+            "colour samples a pixel along each axis; with one, fine textures flicker");
   }
   void validate() const { validate_fields(*this, "SequencesRecipe"); }
 };

@@ -14,6 +14,7 @@
 #include "base/settings.hpp"
 #include "dataset/iri.hpp"
 #include "support/files.hpp"
+#include "support/folder_contents.hpp"
 #include "synth/statistics.hpp"
 #include "tools/synth/procedural.hpp"
 
@@ -21,16 +22,6 @@ namespace weft::synth {
 namespace {
 
 namespace fs = std::filesystem;
-
-std::map<std::string, std::string> contents(const std::string& folder) {
-  std::map<std::string, std::string> out;
-  for (const auto& entry : fs::recursive_directory_iterator(folder)) {
-    if (entry.is_regular_file()) {
-      out[fs::relative(entry.path(), folder).string()] = test::read_bytes(entry.path().string());
-    }
-  }
-  return out;
-}
 
 MakeOptions small(int scenes = 0, int jobs = 1) {
   MakeOptions options;
@@ -79,8 +70,8 @@ TEST(DatasetMaker, SameBytesAgainAndAfterAKill) {
   write_simulation(in / "b.wsim", test::procedural_sack("b"));
   EXPECT_EQ(make(in.string(), out / "one").done, 2);
   EXPECT_EQ(make(in.string(), out / "two", 2).done, 2);
-  const auto first = contents(out / "one");
-  EXPECT_EQ(first, contents(out / "two"));
+  const auto first = test::folder_contents(out / "one");
+  EXPECT_EQ(first, test::folder_contents(out / "two"));
 
   // What a kill leaves: no annotation, a half-written file, no manifest.
   fs::remove(out / "two/annotations/tshirt-a-v0.txt");
@@ -89,12 +80,12 @@ TEST(DatasetMaker, SameBytesAgainAndAfterAKill) {
   const auto progress = make(in.string(), out / "two");
   EXPECT_EQ(progress.done, 1);
   EXPECT_EQ(progress.skipped, 1);
-  EXPECT_EQ(first, contents(out / "two"));
+  EXPECT_EQ(first, test::folder_contents(out / "two"));
 
   // A simulation that changed is rendered again, the other one is not.
   write_simulation(in / "b.wsim", test::procedural_sack("b", 0.006f));
   EXPECT_EQ(make(in.string(), out / "two").done, 1);
-  const auto second = contents(out / "two");
+  const auto second = test::folder_contents(out / "two");
   EXPECT_EQ(first.at("pcd/tshirt-a-v0.pcd"), second.at("pcd/tshirt-a-v0.pcd"));
   EXPECT_NE(first.at("pcd/tshirt-b-v0.pcd"), second.at("pcd/tshirt-b-v0.pcd"));
 
@@ -154,7 +145,7 @@ TEST(DatasetMaker, KilledAtAnyMomentThenTakenUpAgainIsTheSameFolder) {
   const auto undisturbed = run(out / "one");
   EXPECT_EQ(undisturbed.done, 7);      // the last simulation has one view
   EXPECT_EQ(undisturbed.given_up, 1);  // index 1
-  const auto expected = contents(out / "one");
+  const auto expected = test::folder_contents(out / "one");
   EXPECT_TRUE(expected.contains("annotations/polo-4-v0.txt"));
   EXPECT_FALSE(expected.contains("annotations/polo-4-v1.txt"));
   EXPECT_FALSE(expected.contains("simulations/6.wsim"));
@@ -176,7 +167,7 @@ TEST(DatasetMaker, KilledAtAnyMomentThenTakenUpAgainIsTheSameFolder) {
   EXPECT_GE(kills, 1);
   const auto last = run(out / "two");
   EXPECT_EQ(last.done + last.skipped, 7);
-  EXPECT_EQ(contents(out / "two"), expected);
+  EXPECT_EQ(test::folder_contents(out / "two"), expected);
 }
 
 TEST(DatasetMaker, StopsBetweenScenesAndGrows) {

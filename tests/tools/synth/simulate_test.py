@@ -10,6 +10,7 @@ import numpy as np
 SIMULATE = os.path.join(os.path.dirname(os.path.abspath(__file__)), "../../../tools/synth/simulate")
 sys.path.insert(0, SIMULATE)
 
+import check_states
 import checks
 import geometry as g
 import main
@@ -217,6 +218,58 @@ class Checks(unittest.TestCase):
     def test_wrinkledness_of_a_slope_is_its_angle(self):
         p = np.array([[0, 0, 0], [0.02, 0, 0.02], [0.02, 0.02, 0.02], [0, 0.02, 0]], float)
         self.assertAlmostEqual(checks.wrinkledness(p, np.array([[0, 1, 2], [0, 2, 3]])), 45.0, places=4)
+
+
+def box(low, high):
+    """Vertices and outward faces of an axis-aligned box."""
+    corners = np.array([[x, y, z] for z in (0, 1) for y in (0, 1) for x in (0, 1)], float)
+    quads = [(0, 2, 3, 1), (4, 5, 7, 6), (0, 1, 5, 4), (2, 6, 7, 3), (0, 4, 6, 2), (1, 3, 7, 5)]
+    faces = np.array([t for a, b, c, d in quads for t in ((a, b, c), (a, c, d))])
+    return np.array(low) + corners * (np.array(high) - np.array(low)), faces
+
+
+def joined(*meshes_):
+    vertices, faces = [], []
+    for v, f in meshes_:
+        faces.append(f + sum(len(x) for x in vertices))
+        vertices.append(v)
+    return np.concatenate(vertices), np.concatenate(faces)
+
+
+class CheckedSets(unittest.TestCase):
+    def faults(self, vertices, faces):
+        return " ".join(check_states.mesh_faults(vertices, faces, 40, np.random.default_rng(1)))
+
+    def test_faults_of_meshes_are_found(self):
+        one = box((0, 0, 0), (0.3, 0.2, 0.1))
+        other = box((0.4, 0, 0), (0.6, 0.2, 0.1))
+        self.assertEqual(self.faults(*one), "")
+        self.assertEqual(self.faults(*joined(one, other)), "")
+        self.assertIn("edges", self.faults(one[0], one[1][1:]))
+        self.assertIn("edges", self.faults(one[0], np.r_[one[1][:1, ::-1], one[1][1:]]))
+        inside_out = one[0], one[1][:, ::-1]
+        self.assertIn("inside out", self.faults(*inside_out))
+        self.assertIn("winding number is -1", self.faults(*inside_out))
+        crossing = self.faults(*joined(one, box((0.2, 0.05, 0.05), (0.5, 0.15, 0.3))))
+        self.assertIn("pairs of faces intersect", crossing)
+        hollow = box((0.1, 0.05, 0.03), (0.2, 0.1, 0.06))
+        self.assertIn("hollows", self.faults(*joined(one, (hollow[0], hollow[1][:, ::-1]))))
+
+    def test_faults_of_coco_files_are_found(self):
+        np.testing.assert_array_equal(np.argwhere(check_states.decode_rle("516", 4, 3)), [[1, 1]])
+        labels = np.zeros((4, 3), np.uint8)
+        labels[1, 1] = 1
+        annotation = {"id": 1, "image_id": 1, "category_id": 1, "label": 1, "area": 1, "bbox": [1, 1, 1, 1], "segmentation": {"size": [4, 3], "counts": "516"}}
+
+        def faults(**changes):
+            coco = {"images": [{"id": 1, "file_name": "a.png"}], "annotations": [{**annotation, **changes}], "categories": [{"id": 1, "name": "flat"}, {"id": 7, "name": "desk"}]}
+            return " ".join(check_states.coco_faults(coco, lambda _: labels))
+
+        self.assertEqual(faults(), "")
+        self.assertIn("area or box", faults(area=2))
+        self.assertIn("area or box", faults(bbox=[1, 1, 2, 1]))
+        self.assertIn("mask", faults(segmentation={"size": [4, 3], "counts": "0<"}))
+        self.assertIn("desk", faults(category_id=7))
 
 
 class Files(unittest.TestCase):

@@ -8,6 +8,7 @@
 #include <sstream>
 
 #include "support/files.hpp"
+#include "support/folder_contents.hpp"
 #include "synth/arrange.hpp"
 #include "synth/states_maker.hpp"
 #include "tools/synth/procedural.hpp"
@@ -17,15 +18,6 @@ namespace weft::synth {
 namespace {
 
 namespace fs = std::filesystem;
-
-std::map<std::string, std::string> contents(const std::string& folder) {
-  std::map<std::string, std::string> out;
-  for (const auto& entry : fs::recursive_directory_iterator(folder)) {
-    if (entry.is_regular_file())
-      out[fs::relative(entry.path(), folder).string()] = test::read_bytes(entry.path().string());
-  }
-  return out;
-}
 
 const StatesReport kQuiet = [](const StatesProgress&) {};
 const auto kNever = [] { return false; };
@@ -79,16 +71,39 @@ TEST(States, SameBytesAgainAndCocoAgreesWithTheLabels) {
                        kQuiet, kNever);
   };
   EXPECT_EQ(make(out / "one", 1).done, 2);
-  const auto first = contents(out / "one");
+  const auto first = test::folder_contents(out / "one");
   // What a kill leaves: an image without its notes, half a file, no COCO files.
   fs::copy(out / "one", out / "two", fs::copy_options::recursive);
   fs::remove(out / "two/meta/000001.json");
   fs::remove(out / "two/annotations/instances_train.json");
   test::write_bytes(out / "two/labels/000001.png", "half");
   make(out / "two", 2);
-  EXPECT_EQ(first, contents(out / "two"));
+  EXPECT_EQ(first, test::folder_contents(out / "two"));
   EXPECT_EQ(first.count("meshes/flat/a.obj"), 1u);
   EXPECT_EQ(first.count("meshes/desk/round.obj"), 1u);
+
+  // One T-shirt: its images are in the paper's first versions, or in the last if seen from beside.
+  for (const char* split : {"train", "test"}) {
+    const auto all = nlohmann::json::parse(
+        first.at(std::string("annotations/instances_") + split + ".json"))["images"];
+    std::map<std::string, std::size_t> expected;
+    for (const auto& image : all) {
+      const std::string subset = image["subset"];
+      EXPECT_EQ(subset == "v4sd", image["view"] == "beside");
+      EXPECT_EQ(subset.substr(1, 1), std::to_string(image["version"].get<int>()));
+      if (split == std::string("test")) ++expected["test-" + subset];
+      for (int v = image["version"]; v < 4 && split == std::string("train"); ++v)
+        ++expected["train-v" + std::to_string(v)];
+    }
+    for (const auto& [name, bytes] : first) {
+      const std::string stem = std::string("annotations/instances_") + split + "-";
+      if (!name.starts_with(stem)) continue;
+      const std::string key = name.substr(22, name.size() - 22 - 5);
+      EXPECT_EQ(nlohmann::json::parse(bytes)["images"].size(), expected[key]) << key;
+    }
+  }
+  EXPECT_EQ(first.count("annotations/instances_train-v3.json"), 1u);
+  EXPECT_EQ(first.count("annotations/instances_test-v3mcs.json"), 1u);
 
   int annotations = 0, desks = 0;
   for (const char* split : {"train", "test"}) {
@@ -165,20 +180,21 @@ TEST(Sequences, DepthOfOneFrameIsWhereAnotherSeesIt) {
   SequencesRecipe recipe;
   recipe.scenes = 1;
   recipe.seconds = 0.201;  // six frames
+  recipe.samples = 1;
   const auto make = [&](int jobs) {
     return make_sequences(*simulations_of_folder(in.string()), out / "set", recipe, "", jobs,
                           kQuiet, kNever);
   };
   EXPECT_EQ(make(2).done, 1);
   const fs::path folder = out / "set/sequence-000";
-  const auto first = contents(out / "set");
+  const auto first = test::folder_contents(out / "set");
   // A kill in the middle: the last frames and the lists are missing.
   fs::remove(folder / "groundtruth.txt");
   const std::string last = tum_stamp(5) + ".png";
   fs::remove(folder / "masks" / last);
   test::write_bytes((folder / "rgb" / last).string(), "half");
   make(1);
-  EXPECT_EQ(first, contents(out / "set"));
+  EXPECT_EQ(first, test::folder_contents(out / "set"));
 
   const auto frames = read_tum(folder);
   ASSERT_EQ(frames.size(), 6u);
