@@ -45,35 +45,45 @@ Run weft_log(std::vector<std::string> args, const std::string& output) {
           static_cast<double>(usage.ru_utime.tv_sec + usage.ru_stime.tv_sec)};
 }
 
+void put(std::uint8_t* at, std::int64_t value, int bytes) {
+  for (int i = bytes - 1; i >= 0; --i, value >>= 8) at[i] = static_cast<std::uint8_t>(value);
+}
+
 /// Images of zeros, which take no place on the disk. Every kDamagedEvery-th event has a broken sync
 /// word; the last one is cut off.
 void write_big_log(const std::string& path) {
   const int file = open(path.c_str(), O_WRONLY | O_CREAT | O_TRUNC, 0644);
   ASSERT_GE(file, 0);
-  const test::TemporaryFolder folder;
-  const std::string one = folder / "one.lcm";
   weft::rgbd_frame_t frame{};
+  frame.header = {1, "camera", 7, 2, "camera"};
   frame.source = "scene";
   frame.camera_model = {320, 240, 262.5, 262.5, 159.5, 119.5};
   frame.depth_unit_m = 0.001;
   frame.part_count = 1;
   frame.data.resize(kBytes);
   frame.data_size = frame.colour_size = static_cast<std::int32_t>(kBytes);
-  std::vector<std::uint8_t> data(static_cast<std::size_t>(frame.getEncodedSize()));
+  const std::string channel = "RGBD_FRAME";
+  const auto data_bytes = static_cast<std::size_t>(frame.getEncodedSize());
+  const std::size_t head = 28 + channel.size();
+  std::vector<std::uint8_t> event(head + data_bytes);
+  put(&event[0], 0xEDA1DA01, 4);
+  put(&event[20], static_cast<std::int64_t>(channel.size()), 4);
+  put(&event[24], static_cast<std::int64_t>(data_bytes), 4);
+  std::copy(channel.begin(), channel.end(), event.begin() + 28);
+  frame.encode(&event[head], 0, static_cast<int>(data_bytes));
+  // After the fingerprint: utime, the camera's length and name, the session, seq.
+  const std::size_t utime_at = head + 8, seq_at = utime_at + 8 + 4 + 7 + 8;
+  ASSERT_EQ(event[seq_at + 7], 2);
   off_t at = 0;
   for (std::int64_t seq = 0; seq < kEvents; ++seq) {
-    frame.header = {1'700'000'000'000'000 + seq * 33'333, "camera", 7, seq, "camera"};
-    data.resize(static_cast<std::size_t>(frame.getEncodedSize()));
-    frame.encode(data.data(), 0, static_cast<int>(data.size()));
-    stage::LogWriter log(one);
-    log.write(frame.header.utime, "RGBD_FRAME", data);
-    log.close();
-    auto event = test::read_bytes(one);
-    if (seq % kDamagedEvery == kDamagedEvery / 2) event[1] = 0;
-    const auto size = static_cast<off_t>(event.size());
+    const auto utime = 1'700'000'000'000'000 + seq * 33'333;
+    event[1] = seq % kDamagedEvery == kDamagedEvery / 2 ? 0 : 0xA1;
+    put(&event[4], seq, 8);
+    put(&event[12], utime, 8);
+    put(&event[utime_at], utime, 8);
+    put(&event[seq_at], seq, 8);
     ASSERT_EQ(pwrite(file, event.data(), 1000, at), 1000);
-    ASSERT_EQ(pwrite(file, event.data() + event.size() - 100, 100, at + size - 100), 100);
-    at += size;
+    at += static_cast<off_t>(event.size());
   }
   ASSERT_EQ(ftruncate(file, at - 1234), 0);
   close(file);
@@ -108,6 +118,7 @@ TEST(BigLog, EveryCommandTakesItInConstantMemory) {
     EXPECT_LT(run.peak_kb, small.peak_kb + 16 * 1024) << args[0] << ", KB";
     std::printf("%s: peak %ld KB (a log of two frames: %ld), %.0f s CPU\n", args[0].c_str(),
                 run.peak_kb, small.peak_kb, run.cpu_s);
+    std::fflush(stdout);
     const auto text = read_text_file(said);
     if (args[0] == "check") {
       const auto survey = nlohmann::json::parse(read_text_file(json));
