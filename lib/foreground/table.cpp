@@ -232,10 +232,15 @@ TableSurface fit_surface(const rgbd::RgbdFrame& frame, const cv::Mat& exclude,
       if (std::abs(t) > 6.0) continue;
       const double weight = 1.0 / ((1.0 + t * t) * (1.0 + t * t));
       const double xx = s.x * s.x, yy = s.y * s.y;
-      Vector10 row;
-      row << 1.0, s.x, s.y, xx, s.x * s.y, yy, xx * s.x, xx * s.y, yy * s.x, yy * s.y;
-      normal += weight * row * row.transpose();
-      right += weight * s.inverse_z * row;
+      const double row[10] = {1.0, s.x,      s.y,      xx,       s.x * s.y,
+                              yy,  xx * s.x, xx * s.y, yy * s.x, yy * s.y};
+      double weighted[10];
+      for (int i = 0; i < 10; ++i) weighted[i] = weight * row[i];
+      // The lower half is all that ldlt() looks at.
+      for (int j = 0; j < 10; ++j) {
+        for (int i = j; i < 10; ++i) normal(i, j) += weighted[i] * row[j];
+        right[j] += weight * s.inverse_z * row[j];
+      }
     }
     for (int i = 3; i < 6; ++i) normal(i, i) += ridge;
     for (int i = 6; i < 10; ++i) normal(i, i) += degree == 3 ? ridge : 1e9;
