@@ -19,19 +19,19 @@ Grid make_grid(int width_px, int height_px, const GridOptions& options) {
           points(height_px)};
 }
 
-std::unique_ptr<DenseDescriptor> make_descriptor(const DescriptorOptions& options) {
+std::unique_ptr<DenseDescriptor> make_descriptor(const DescriptorOptions& options, SimdPath path) {
   options.validate();
   switch (options.kind) {
     case DescriptorOptions::Kind::kSift:
-      return std::make_unique<SiftDescriptor>(options.sift);
+      return std::make_unique<SiftDescriptor>(options.sift, path);
     case DescriptorOptions::Kind::kGdh:
       return std::make_unique<GdhDescriptor>(options.gdh);
     case DescriptorOptions::Kind::kFinddd:
-      return std::make_unique<FindddDescriptor>(options.finddd);
+      return std::make_unique<FindddDescriptor>(options.finddd, path);
     case DescriptorOptions::Kind::kFpfh:
-      return std::make_unique<FpfhDescriptor>(options.fpfh);
+      return std::make_unique<FpfhDescriptor>(options.fpfh, path);
     case DescriptorOptions::Kind::kHks:
-      return std::make_unique<HksDescriptor>(options.hks);
+      return std::make_unique<HksDescriptor>(options.hks, path);
   }
   throw Error("there is no such kind of descriptor");
 }

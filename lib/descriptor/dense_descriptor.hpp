@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "base/options.hpp"
+#include "base/simd.hpp"
 #include "descriptor/finddd_options.hpp"
 #include "descriptor/fpfh_options.hpp"
 #include "descriptor/gdh_options.hpp"
@@ -73,6 +74,9 @@ class DenseDescriptor {
   /// "sift", "fpfh", ...
   virtual const std::string& name() const = 0;
   virtual int dimension() const = 0;
+  /// What describe() looks at. A frame may come without the other.
+  virtual bool uses_colour() const = 0;
+  bool uses_depth() const { return !uses_colour(); }
   /// images are those of `view`, frame the sensor frame the view was rendered from (descriptors of
   /// depth need its cloud). threads < 1: one for each core. Throws Error when the images do not fit
   /// the view.
@@ -115,6 +119,8 @@ struct DescriptorOptions {
   }
 };
 
-std::unique_ptr<DenseDescriptor> make_descriptor(const DescriptorOptions& options);
+/// path: which kernels run; only tests choose one.
+std::unique_ptr<DenseDescriptor> make_descriptor(const DescriptorOptions& options,
+                                                 SimdPath path = SimdPath::kAuto);
 
 }  // namespace weft::descriptor

@@ -43,6 +43,7 @@ class FpfhDescriptor : public DenseDescriptor {
 
   const std::string& name() const override;
   int dimension() const override { return kDimension; }
+  bool uses_colour() const override { return false; }
   DescriptorField describe(const rgbd::RgbdFrame& frame, const rgbd::View& view,
                            const rgbd::ViewImages& images, const Grid& grid,
                            int threads) const override;

@@ -20,6 +20,7 @@ class GdhDescriptor : public DenseDescriptor {
 
   const std::string& name() const override;
   int dimension() const override { return options_.geodesic_bins * options_.depth_bins; }
+  bool uses_colour() const override { return false; }
   DescriptorField describe(const rgbd::RgbdFrame& frame, const rgbd::View& view,
                            const rgbd::ViewImages& images, const Grid& grid,
                            int threads) const override;

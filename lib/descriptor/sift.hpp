@@ -20,6 +20,7 @@ class SiftDescriptor : public DenseDescriptor {
 
   const std::string& name() const override;
   int dimension() const override { return kDimension; }
+  bool uses_colour() const override { return true; }
   DescriptorField describe(const rgbd::RgbdFrame& frame, const rgbd::View& view,
                            const rgbd::ViewImages& images, const Grid& grid,
                            int threads) const override;

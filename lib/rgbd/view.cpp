@@ -139,11 +139,11 @@ View make_view(const RgbdFrame& frame, const cv::Mat& mask, const Plane* table,
 
 ViewImages render_view(const RgbdFrame& frame, const cv::Mat& mask, const View& view) {
   check_images(frame, mask);
-  if (frame.colour.type() != CV_8UC3 || frame.colour.size() != mask.size() ||
-      frame.depth.type() != CV_16UC1 || frame.depth.size() != mask.size())
-    throw Error("a view needs 8 bit BGR colour and 16 bit depth of the camera's size");
+  const bool coloured = !frame.colour.empty();
+  if (coloured && (frame.colour.type() != CV_8UC3 || frame.colour.size() != mask.size()))
+    throw Error("a view needs 8 bit BGR colour of the camera's size");
   if (!(view.sensor == frame.camera)) throw Error("the view was made for another camera");
-  if (view.kind == View::Kind::kSensor) return {frame.colour, mask, {}};
+  if (view.kind == View::Kind::kSensor) return {frame.colour, mask};
   if (view.width < 1 || view.height < 1) throw Error("the view is empty");
 
   const int sensor_width = frame.camera.width;
@@ -158,7 +158,7 @@ ViewImages render_view(const RgbdFrame& frame, const cv::Mat& mask, const View& 
           .norm();
   cv::Mat colour = frame.colour;
   double factor = 1.0;
-  while (ratio * factor >= 2.0 && colour.cols >= 4 && colour.rows >= 4) {
+  while (coloured && ratio * factor >= 2.0 && colour.cols >= 4 && colour.rows >= 4) {
     colour = halve(colour);
     factor *= 0.5;
   }
@@ -166,9 +166,8 @@ ViewImages render_view(const RgbdFrame& frame, const cv::Mat& mask, const View& 
   const double last_x = colour.cols - 1, last_y = colour.rows - 1;
 
   ViewImages images;
-  images.colour.create(view.height, view.width, CV_8UC3);
+  if (coloured) images.colour.create(view.height, view.width, CV_8UC3);
   images.mask.create(view.height, view.width, CV_8UC1);
-  images.height_mm.create(view.height, view.width, CV_32FC1);
   std::vector<double> u(static_cast<std::size_t>(view.width)), v(u);
   for (int y = 0; y < view.height; ++y) {
     const double ax = h(0, 1) * y + h(0, 2);
@@ -179,8 +178,8 @@ ViewImages render_view(const RgbdFrame& frame, const cv::Mat& mask, const View& 
       u[x] = w > 0.0 ? (h(0, 0) * x + ax) / w : -2.0;
       v[x] = w > 0.0 ? (h(1, 0) * x + ay) / w : -2.0;
     }
-    std::uint8_t* colour_out = images.colour.ptr(y);
-    for (int x = 0; x < view.width; ++x, colour_out += 3) {
+    std::uint8_t* colour_out = coloured ? images.colour.ptr(y) : nullptr;
+    for (int x = 0; coloured && x < view.width; ++x, colour_out += 3) {
       // Fixed point with 8 fractional bits. Outside the sensor image its border is repeated, so
       // that no edge appears there.
       const int fx = static_cast<int>(within(u[x] * factor + offset, last_x) * 256.0 + 0.5);
@@ -196,18 +195,10 @@ ViewImages render_view(const RgbdFrame& frame, const cv::Mat& mask, const View& 
       }
     }
     std::uint8_t* mask_out = images.mask.ptr(y);
-    float* height_out = images.height_mm.ptr<float>(y);
     for (int x = 0; x < view.width; ++x) {
-      mask_out[x] = 0;
-      height_out[x] = std::numeric_limits<float>::quiet_NaN();
       const double ru = std::floor(u[x] + 0.5), rv = std::floor(v[x] + 0.5);
-      if (!(ru >= 0.0 && ru < sensor_width && rv >= 0.0 && rv < sensor_height)) continue;
-      const int su = static_cast<int>(ru), sv = static_cast<int>(rv);
-      mask_out[x] = mask.at<std::uint8_t>(sv, su);
-      const double z_m = frame.depth_m(su, sv);
-      if (z_m > 0.0)
-        height_out[x] =
-            static_cast<float>(1000.0 * view.table.height_m(frame.camera.unproject(ru, rv, z_m)));
+      const bool seen = ru >= 0.0 && ru < sensor_width && rv >= 0.0 && rv < sensor_height;
+      mask_out[x] = seen ? mask.at<std::uint8_t>(static_cast<int>(rv), static_cast<int>(ru)) : 0;
     }
   }
   return images;

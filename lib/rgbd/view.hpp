@@ -6,7 +6,7 @@
 #include "base/options.hpp"
 #include "rgbd/frame.hpp"
 
-/// The rectified view: colour and height warped to a virtual orthographic camera that looks along
+/// The rectified view: the image warped to a virtual orthographic camera that looks along
 /// the table's normal at a fixed scale, so that distance and tilt of the real camera do not matter
 /// to anything computed in it. Its x axis is the camera's x axis projected to the table: the view
 /// is never turned within its plane.
@@ -50,10 +50,8 @@ struct ViewOptions {
 
 /// Images of a frame in a view.
 struct ViewImages {
-  cv::Mat colour;  // CV_8UC3, BGR
+  cv::Mat colour;  // CV_8UC3, BGR; empty when the frame has none
   cv::Mat mask;    // CV_8UC1, 255 = garment; 0 also outside the sensor image
-  cv::Mat
-      height_mm;  // CV_32FC1, above the table (rectified); NaN = missing. Empty for the sensor view
 };
 
 /// The view of a frame: the sensor image itself, or the rectified view that just holds the garment
@@ -63,9 +61,9 @@ View make_view(const RgbdFrame& frame, const cv::Mat& mask, const Plane* table,
                const ViewOptions& options);
 
 /// Warps colour (bilinear in fixed point; averaged over 2x2 pixels first where the sensor is at
-/// least twice as fine as the view), mask (nearest) and height (nearest). Outside the sensor image
-/// its border is repeated in colour, so that no edge appears there. Class A: the same bits
-/// everywhere. Throws Error when the images do not fit the view's sensor.
+/// least twice as fine as the view) and mask (nearest). Outside the sensor image its border is
+/// repeated in colour, so that no edge appears there. Depth: rgbd/surface.hpp. Class A: the same
+/// bits everywhere. Throws Error when the images do not fit the view's sensor.
 ViewImages render_view(const RgbdFrame& frame, const cv::Mat& mask, const View& view);
 
 }  // namespace weft::rgbd

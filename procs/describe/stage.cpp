@@ -63,8 +63,9 @@ class DescribeStage : public stage::Stage {
         return outputs.nothing(static_cast<stage::Reason>(status->reason), status->text);
     }
     const auto foreground = messages::from_message(foreground_message);
-    const auto frame = messages::from_message(frame_message, {true, true, false});
-    if (foreground.mask.size() != frame.colour.size())
+    const auto frame = messages::from_message(
+        frame_message, {descriptor_->uses_colour(), descriptor_->uses_depth(), false});
+    if (foreground.mask.size() != cv::Size(frame.camera.width, frame.camera.height))
       throw stage::InvalidInput("FOREGROUND: the mask is not of the frame's size");
     if (cv::countNonZero(foreground.mask) == 0)
       return outputs.nothing(stage::Reason::kNoGarment, "the garment mask is empty");

@@ -244,7 +244,7 @@ TEST(Gdh, RoundsToBytes) {
   const auto gdh = make_descriptor(options);
   EXPECT_EQ(gdh->name(), "gdh");
   EXPECT_EQ(gdh->dimension(), 88);
-  const auto bytes = gdh->describe(frame, view, {frame.colour, mask, {}}, grid, 1);
+  const auto bytes = gdh->describe(frame, view, {frame.colour, mask}, grid, 1);
   const auto floats =
       GdhDescriptor({}).describe_surface(rgbd::render_surface(frame, view), mask, grid, 41, 1);
   ASSERT_EQ(bytes.points, floats.points);

@@ -336,7 +336,7 @@ TEST(Hks, RoundsToBytes) {
   const auto hks = make_descriptor(options);
   EXPECT_EQ(hks->name(), "hks");
   EXPECT_EQ(hks->dimension(), 60);
-  const auto bytes = hks->describe(frame, view, {frame.colour, mask, {}}, grid, 1);
+  const auto bytes = hks->describe(frame, view, {frame.colour, mask}, grid, 1);
   const auto floats = HksDescriptor(options.hks)
                           .describe_surface(rgbd::render_surface(frame, view), mask, grid, 30, 1);
   ASSERT_EQ(bytes.points, floats.points);
