@@ -7,7 +7,7 @@
 namespace weft::bovw {
 namespace {
 
-const AssignKernel& kernel_of(SimdPath path) {
+const AssignKernel& kernel_of([[maybe_unused]] SimdPath path) {
 #if defined(__x86_64__)
   if (resolve_simd_path(path) == SimdPath::kAvx2) return kAssignAvx2;
 #endif

@@ -16,7 +16,7 @@ namespace {
 
 using Direction = std::array<double, 3>;
 
-const FindddKernel& kernel_of(SimdPath path) {
+const FindddKernel& kernel_of([[maybe_unused]] SimdPath path) {
 #if defined(__x86_64__)
   if (path == SimdPath::kAvx2) return kFindddAvx2;
 #endif

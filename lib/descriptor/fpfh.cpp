@@ -18,7 +18,7 @@ namespace {
 constexpr int kChunk = kFpfhGroups * kFpfhGroup;
 constexpr float kMissing = std::numeric_limits<float>::quiet_NaN();
 
-const FpfhKernel& kernel_of(SimdPath path) {
+const FpfhKernel& kernel_of([[maybe_unused]] SimdPath path) {
 #if defined(__x86_64__)
   if (path == SimdPath::kAvx2) return kFpfhAvx2;
 #endif

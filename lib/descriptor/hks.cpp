@@ -20,7 +20,7 @@ namespace {
 constexpr double kLn2 = 0.69314718055994530942;
 constexpr double kPi = 3.14159265358979323846;
 
-const HksKernel& kernel_of(SimdPath path) {
+const HksKernel& kernel_of([[maybe_unused]] SimdPath path) {
 #if defined(__x86_64__)
   if (path == SimdPath::kAvx2) return kHksAvx2;
 #endif

@@ -14,7 +14,7 @@ namespace {
 
 constexpr int kBins = 4;
 
-const SiftKernel& kernel_of(SimdPath path) {
+const SiftKernel& kernel_of([[maybe_unused]] SimdPath path) {
 #if defined(__x86_64__)
   if (path == SimdPath::kAvx2) return kSiftAvx2;
 #endif

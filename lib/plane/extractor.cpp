@@ -658,7 +658,7 @@ class Grid {
   int stamp_ = 0;
 };
 
-const CellKernel& kernel_of(SimdPath path) {
+const CellKernel& kernel_of([[maybe_unused]] SimdPath path) {
 #if defined(__x86_64__)
   if (path == SimdPath::kAvx2) return kCellAvx2;
 #endif

@@ -17,7 +17,7 @@ namespace {
 // finite.
 constexpr float kNearest_m = 0.01f, kFarthest_m = 1000.0f;
 
-const NormalsKernel& kernel_of(SimdPath path) {
+const NormalsKernel& kernel_of([[maybe_unused]] SimdPath path) {
 #if defined(__x86_64__)
   if (path == SimdPath::kAvx2) return kNormalsAvx2;
 #endif
