@@ -36,6 +36,65 @@ float sparse_histogram(const std::vector<std::int32_t>& counts,
   return sum;
 }
 
+void put(std::vector<std::uint8_t>& bytes, std::uint32_t value) {
+  for (; value >= 128; value >>= 7) bytes.push_back(static_cast<std::uint8_t>(value | 128));
+  bytes.push_back(static_cast<std::uint8_t>(value));
+}
+
+/// Word counts as bytes: of each support vector the number of words that occur, then for each the
+/// words left out before it and its count; 7 bits a byte, the lowest first, the eighth bit set
+/// where more follow.
+std::vector<std::uint8_t> pack_counts(const std::vector<std::int32_t>& counts, int entries) {
+  std::vector<std::uint8_t> bytes;
+  for (auto at = counts.begin(); at != counts.end(); at += entries) {
+    const auto end = at + entries;
+    put(bytes, static_cast<std::uint32_t>(entries - std::count(at, end, 0)));
+    std::uint32_t gap = 0;
+    for (auto count = at; count != end; ++count) {
+      if (*count == 0) {
+        ++gap;
+        continue;
+      }
+      put(bytes, gap);
+      put(bytes, static_cast<std::uint32_t>(*count));
+      gap = 0;
+    }
+  }
+  return bytes;
+}
+
+std::vector<std::int32_t> unpack_counts(const BlobReader& blob, const std::string& section,
+                                        int entries, std::size_t vectors) {
+  const auto bytes = blob.values<std::uint8_t>(section);
+  std::size_t next = 0;
+  const auto take = [&](std::uint32_t most) {
+    std::uint32_t value = 0;
+    for (int shift = 0;; shift += 7) {
+      if (next == bytes.size() || shift > 21) blob.fail(section + " is damaged");
+      const std::uint8_t byte = bytes[next++];
+      value |= static_cast<std::uint32_t>(byte & 127) << shift;
+      if (byte < 128) break;
+    }
+    if (value > most) blob.fail(section + " holds a number that is too large");
+    return value;
+  };
+  const auto size = vectors * static_cast<std::size_t>(entries);
+  if (size > std::size_t{1} << 26) blob.fail(section + " has too many support vectors");
+  std::vector<std::int32_t> counts(size, 0);
+  for (std::size_t v = 0; v < vectors; ++v) {
+    const auto used = take(static_cast<std::uint32_t>(entries));
+    std::uint32_t word = 0;
+    for (std::uint32_t k = 0; k < used; ++k, ++word) {
+      word += take(static_cast<std::uint32_t>(entries));
+      if (word >= static_cast<std::uint32_t>(entries)) blob.fail(section + " names no such word");
+      counts[v * static_cast<std::size_t>(entries) + word] =
+          static_cast<std::int32_t>(take(1 << 20));
+    }
+  }
+  if (next != bytes.size()) blob.fail(section + " is too long");
+  return counts;
+}
+
 }  // namespace
 
 void RefineModel::validate(const std::string& where) const {
@@ -72,7 +131,7 @@ void RefineModel::validate(const std::string& where) const {
 
 void RefineModel::write(const std::string& path) const {
   validate(path);
-  BlobWriter blob("refine", 1);
+  BlobWriter blob("refine", 2);
   write_blocks(blob, blocks);
   blob.add_number("parts", static_cast<std::int64_t>(parts.size()));
   for (std::size_t i = 0; i < parts.size(); ++i) {
@@ -85,13 +144,8 @@ void RefineModel::write(const std::string& path) const {
       shapes.push_back(shape.height_px);
     }
     blob.add(name + "shapes", std::span<const double>(shapes));
-    // Counts are small: most models need 8 bits.
-    if (std::all_of(svm.counts.begin(), svm.counts.end(), [](auto n) { return n < 256; })) {
-      const std::vector<std::uint8_t> counts(svm.counts.begin(), svm.counts.end());
-      blob.add(name + "counts", std::span<const std::uint8_t>(counts));
-    } else {
-      blob.add(name + "large_counts", std::span<const std::int32_t>(svm.counts));
-    }
+    const auto counts = pack_counts(svm.counts, entries());
+    blob.add(name + "counts", std::span<const std::uint8_t>(counts));
     blob.add(name + "coefficients", std::span<const double>(svm.coefficients));
     blob.add_number(name + "gamma", svm.gamma);
     blob.add_number(name + "rho", svm.rho);
@@ -102,7 +156,7 @@ void RefineModel::write(const std::string& path) const {
 }
 
 RefineModel RefineModel::read(const std::string& path) {
-  const auto blob = BlobReader::from_file(path, "refine", 1);
+  const auto blob = BlobReader::from_file(path, "refine", 2);
   RefineModel model;
   model.blocks = read_blocks(blob);
   model.parts.resize(
@@ -116,7 +170,10 @@ RefineModel RefineModel::read(const std::string& path) {
     for (std::size_t k = 0; k < shapes.size(); k += 2) {
       svm.shapes.push_back({shapes[k], shapes[k + 1]});
     }
-    if (blob.has(name + "large_counts")) {
+    if (blob.version() >= 2) {
+      svm.counts = unpack_counts(blob, name + "counts", model.entries(),
+                                 blob.values<double>(name + "coefficients").size());
+    } else if (blob.has(name + "large_counts")) {
       svm.counts = blob.values<std::int32_t>(name + "large_counts");
     } else {
       for (const auto n : blob.values<std::uint8_t>(name + "counts")) svm.counts.push_back(n);

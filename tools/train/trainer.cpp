@@ -753,6 +753,7 @@ void Trainer::train_refinement() {
       report["calibration"] = calibrate(part, result);
       report["samples"] = result.samples;
       report["support_vectors"] = result.svm.support_vectors();
+      report["support_vectors_before_reduction"] = result.full_support_vectors;
       report["c"] = result.c;
       report["gamma_factor"] = result.gamma_factor;
       report["cross_validated_window_ap"] = result.cross_validated_ap;

@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 
 #include "base/error.hpp"
@@ -102,6 +103,60 @@ TEST(Chi2Svm, KeepsTheLimitOfSupportVectors) {
   const auto result = train_chi2_svm(two_kinds(200, 0.9, 3), 4, options);
   EXPECT_LE(result.svm.support_vectors(), 40);
   EXPECT_LT(result.samples, 200);
+}
+
+TEST(Chi2Svm, FewerSupportVectorsDecideAlike) {
+  const auto windows = two_kinds(240, 0.8, 6);
+  SvmOptions options;
+  options.c = {1.0};
+  options.gamma_factors = {1.0};
+  const auto decide = [&](const detector::PartSvm& svm, int i) {
+    double f = -svm.rho;
+    for (int s = 0; s < svm.support_vectors(); ++s) {
+      const double d = detector::chi2_distance(windows.counts.data() + i * kWords,
+                                               svm.counts.data() + s * kWords, windows.blocks);
+      f += svm.coefficients[static_cast<std::size_t>(s)] * std::exp(-svm.gamma * d);
+    }
+    return f;
+  };
+  const auto full = train_chi2_svm(windows, 4, options);
+  // Root mean square of the difference, as a share of the decision values' own.
+  const auto error = [&](const detector::PartSvm& svm) {
+    double squares = 0.0, scale = 0.0;
+    for (int i = 0; i < 240; ++i) {
+      const double f = decide(full.svm, i);
+      squares += (decide(svm, i) - f) * (decide(svm, i) - f);
+      scale += f * f;
+    }
+    return std::sqrt(squares / scale);
+  };
+  ASSERT_GT(full.svm.support_vectors(), 90);
+  double before = 1.0;
+  for (const int count : {10, 30, 90}) {
+    options.reduced_to = count;
+    const auto reduced = train_chi2_svm(windows, 4, options);
+    EXPECT_EQ(reduced.svm.support_vectors(), count);
+    EXPECT_EQ(reduced.full_support_vectors, full.svm.support_vectors());
+    for (const auto& svm : reduced.without_fold) EXPECT_LE(svm.support_vectors(), count);
+    EXPECT_NEAR(reduced.cross_validated_ap, full.cross_validated_ap, 0.1);
+    const double now = error(reduced.svm);
+    EXPECT_LT(now, before);
+    before = now;
+    // Better than what the heaviest support vectors alone say.
+    auto heaviest = full.svm;
+    std::vector<int> order(full.svm.coefficients.size());
+    for (std::size_t i = 0; i < order.size(); ++i) order[i] = static_cast<int>(i);
+    std::sort(order.begin(), order.end(), [&](int a, int b) {
+      return std::abs(full.svm.coefficients[static_cast<std::size_t>(a)]) >
+             std::abs(full.svm.coefficients[static_cast<std::size_t>(b)]);
+    });
+    for (std::size_t i = static_cast<std::size_t>(count); i < order.size(); ++i)
+      heaviest.coefficients[static_cast<std::size_t>(order[i])] = 0.0;
+    EXPECT_LT(now, 0.5 * error(heaviest));
+  }
+  EXPECT_LT(before, 0.05);
+  options.reduced_to = 100000;
+  EXPECT_EQ(train_chi2_svm(windows, 4, options).svm.coefficients, full.svm.coefficients);
 }
 
 TEST(Chi2Svm, SameInputSameModel) {
