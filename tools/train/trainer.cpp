@@ -1,6 +1,7 @@
 #include "train/trainer.hpp"
 
 #include <algorithm>
+#include <array>
 #include <atomic>
 #include <cmath>
 #include <filesystem>
@@ -9,6 +10,7 @@
 #include <mutex>
 #include <nlohmann/json.hpp>
 #include <numeric>
+#include <string_view>
 
 #include "base/error.hpp"
 #include "base/hash.hpp"
@@ -59,6 +61,26 @@ struct View {
   }
 };
 
+/// The garments whose collars, or sleeves, look alike.
+bool are_kindred(int a, int b) {
+  static constexpr std::array<std::array<std::string_view, 2>, 4> kPairs = {
+      {{"shirt collar", "polo collar"},
+       {"t-shirt collar", "dress collar"},
+       {"t-shirt sleeves", "polo sleeves"},
+       {"shirt sleeves", "sweater sleeves"}}};
+  const std::string_view first = kParts[static_cast<std::size_t>(a)],
+                         second = kParts[static_cast<std::size_t>(b)];
+  return std::any_of(kPairs.begin(), kPairs.end(), [&](const auto& pair) {
+    return (pair[0] == first && pair[1] == second) || (pair[0] == second && pair[1] == first);
+  });
+}
+
+/// Whether an annotation is a positive of the part, given what kindred parts are.
+bool teaches(const ViewPart& p, int part, Kindred kindred) {
+  return !p.ignore &&
+         (p.part == part || (kindred == Kindred::kPositive && are_kindred(p.part, part)));
+}
+
 std::uint64_t part_seed(const TrainOptions& options, int part, int purpose) {
   Hash64 hash;
   hash.add(static_cast<std::uint64_t>(options.seed));
@@ -99,7 +121,8 @@ class Trainer {
   void train_priors();
   void write_models();
 
-  bool may_be_negative(const View& view, int part, const bovw::CellBox& window) const;
+  bool may_be_negative(const View& view, int part, const bovw::CellBox& window,
+                       Kindred kindred) const;
   std::vector<float> features(const View& view, const bovw::CellBox& window) const;
   int words_in(const View& view, const bovw::CellBox& window) const;
   Samples score_samples(int part, const detector::ScoreModel* first_model) const;
@@ -337,11 +360,12 @@ void Trainer::make_shapes() {
   if (trained_parts_.empty()) throw Error("no part has enough annotations to be trained");
 }
 
-bool Trainer::may_be_negative(const View& view, int part, const bovw::CellBox& window) const {
+bool Trainer::may_be_negative(const View& view, int part, const bovw::CellBox& window,
+                              Kindred kindred) const {
   const auto box = detector::window_box(view.grid(), window);
   const double x = box.x + box.width / 2, y = box.y + box.height / 2;
   for (const auto& p : view.parts) {
-    if (p.part != part) continue;
+    if (p.part != part && (kindred == Kindred::kNegative || !are_kindred(p.part, part))) continue;
     const double limit = p.ignore ? kIgnoreOverlap : options_.max_negative_overlap;
     if (detector::overlap(box, p.box) > limit) return false;
     if ((p.ignore || !options_.negatives_inside) && evaluation::inside(p.polygon, x, y)) {
@@ -414,7 +438,7 @@ void Trainer::mine(int part, const detector::ScoreModel& model, const View& view
     const bool near = std::any_of(chosen.begin(), chosen.end(), [&](const bovw::CellBox& c) {
       return detector::overlap(box, detector::window_box(view.grid(), c)) > 0.3;
     });
-    if (near || !may_be_negative(view, part, s.window)) continue;
+    if (near || !may_be_negative(view, part, s.window, options_.score.kindred)) continue;
     chosen.push_back(s.window);
   }
   hard.insert(hard.end(), chosen.begin(), chosen.end());
@@ -433,7 +457,7 @@ Samples Trainer::score_samples(int part, const detector::ScoreModel* first_model
   for (const auto& view : views_) {
     const auto& grid = view.grid();
     for (const auto& p : view.parts) {
-      if (p.part != part || p.ignore) continue;
+      if (!teaches(p, part, options_.score.kindred)) continue;
       const auto window = bovw::cells_in_box(grid, p.box.x, p.box.y, p.box.width, p.box.height);
       if (words_in(view, window) >= score_model_.min_words) {
         samples.add(features(view, window), true, view.fold);
@@ -451,7 +475,7 @@ Samples Trainer::score_samples(int part, const detector::ScoreModel* first_model
       const int rows = bovw::window_cells(shape.height_px, grid.step_px);
       const bovw::CellBox window{cell % grid.columns - columns / 2, cell / grid.columns - rows / 2,
                                  columns, rows};
-      if (!may_be_negative(view, part, window)) continue;
+      if (!may_be_negative(view, part, window, options_.score.kindred)) continue;
       if (words_in(view, window) >= score_model_.min_words) negatives.push_back({&view, window});
     }
     if (first_model == nullptr) continue;
@@ -554,6 +578,7 @@ void Trainer::find_candidates() {
 SvmResult Trainer::refine_part(int part) const {
   const auto& shapes = refine_shapes_[static_cast<std::size_t>(part)];
   const std::string name = kParts[static_cast<std::size_t>(part)];
+  const auto& o = options_.refine;
   Random random(part_seed(options_, part, 4));
   struct Item {
     const View* view;
@@ -564,7 +589,7 @@ SvmResult Trainer::refine_part(int part) const {
   for (std::size_t v = 0; v < views_.size(); ++v) {
     const auto& view = views_[v];
     for (const auto& p : view.parts) {
-      if (p.part != part || p.ignore) continue;
+      if (!teaches(p, part, o.kindred)) continue;
       const auto window =
           bovw::cells_in_box(view.grid(), p.box.x, p.box.y, p.box.width, p.box.height);
       if (words_in(view, window) >= score_model_.min_words) exact.push_back({&view, window});
@@ -579,10 +604,10 @@ SvmResult Trainer::refine_part(int part) const {
       for (const auto& window : windows) {
         const auto box = detector::window_box(view.grid(), window);
         for (const auto& p : view.parts) {
-          if (p.part != part || p.ignore) continue;
-          const double o = detector::overlap(box, p.box);
-          if (o <= best) continue;
-          best = o;
+          if (!teaches(p, part, o.kindred)) continue;
+          const double overlap = detector::overlap(box, p.box);
+          if (overlap <= best) continue;
+          best = overlap;
           best_window = &window;
         }
       }
@@ -591,7 +616,7 @@ SvmResult Trainer::refine_part(int part) const {
       }
       for (int n = 0; n < 2; ++n) {
         const auto& window = windows[random.below(windows.size())];
-        if (may_be_negative(view, part, window) &&
+        if (may_be_negative(view, part, window, o.kindred) &&
             words_in(view, window) >= score_model_.min_words) {
           easy.push_back({&view, window});
         }
@@ -603,7 +628,6 @@ SvmResult Trainer::refine_part(int part) const {
     if (static_cast<int>(items.size()) > count)
       items.resize(static_cast<std::size_t>(std::max(0, count)));
   };
-  const auto& o = options_.refine;
   keep(exact, o.positives * 2 / 3);
   keep(shifted, o.positives - static_cast<int>(exact.size()));
   random.shuffle(easy.begin(), easy.end());
@@ -653,7 +677,7 @@ SvmResult Trainer::refine_part(int part) const {
         Item worst{&view, {}, -1e300};
         for (const auto& window : detector::candidate_windows(
                  view.grid(), candidate.column, candidate.row, shapes, options_.windows)) {
-          if (!may_be_negative(view, part, window)) continue;
+          if (!may_be_negative(view, part, window, o.kindred)) continue;
           if (words_in(view, window) < score_model_.min_words) continue;
           const auto counts = detector::count_blocks(score_model_.blocks, view.pointers, window);
           const double decision = refiner.decide(0, counts);

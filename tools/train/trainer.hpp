@@ -17,12 +17,27 @@
 /// From a dataset to a folder of models (detector/model.hpp).
 namespace weft::train {
 
+/// What the same part of a kindred garment is when a layer learns a part: a shirt's collar for the
+/// collar of a polo, a T-shirt's sleeve for a polo's. Few garments of a type teach more together.
+enum class Kindred { kNegative, kIgnore, kPositive };
+
+inline void visit_kindred(OptionVisitor& v, Kindred& kindred) {
+  v.choice("kindred", kindred,
+           {{"negative", Kindred::kNegative},
+            {"ignore", Kindred::kIgnore},
+            {"positive", Kindred::kPositive}},
+           "what the same part of a kindred garment teaches (collar: shirt, polo; T-shirt, dress; "
+           "sleeves: T-shirt, polo; shirt, sweater): negative as in the paper, ignore: neither, "
+           "positive: the same as the part itself");
+}
+
 struct ScoreTraining {
   int shapes = 5;
   int negatives_per_view = 4;
   int hard_negatives_per_view = 2;
   std::vector<double> c = {0.1, 1.0, 10.0, 100.0};
   double positive_weight = 1.0;
+  Kindred kindred = Kindred::kNegative;
   int max_samples = 12000;
 
   void visit(OptionVisitor& v) {
@@ -34,6 +49,7 @@ struct ScoreTraining {
     v.field("c", c, {1, 20}, "", "values of C tried");
     v.field("positive_weight", positive_weight, {0.01, 1000.0}, "",
             "C of positives over C of negatives");
+    visit_kindred(v, kindred);
     v.field("max_samples", max_samples, {100, 1000000}, "",
             "negatives of a part at most; memory is 2 KB each");
   }
@@ -41,6 +57,7 @@ struct ScoreTraining {
 
 struct RefineTraining {
   int shapes = 7;
+  Kindred kindred = Kindred::kNegative;
   int positives = 350;
   int negatives = 850;
   int rounds = 2;
@@ -53,6 +70,7 @@ struct RefineTraining {
     v.field("rounds", rounds, {1, 5}, "",
             "1: false windows drawn at random around the peaks; each further round adds those the "
             "SVM of the round before ranks first");
+    visit_kindred(v, kindred);
     v.group("svm", svm);
   }
 };
