@@ -14,8 +14,11 @@ namespace {
 
 const cv::Vec3f kMissing = cv::Vec3f::all(std::numeric_limits<float>::quiet_NaN());
 
+/// Missing where single precision cannot tell the point from infinity or from the camera.
 cv::Vec3f to_float(const Eigen::Vector3d& p) {
-  return {static_cast<float>(p.x()), static_cast<float>(p.y()), static_cast<float>(p.z())};
+  const cv::Vec3f point(static_cast<float>(p.x()), static_cast<float>(p.y()),
+                        static_cast<float>(p.z()));
+  return std::isfinite(point[0] + point[1] + point[2]) && point[2] > 0.0f ? point : kMissing;
 }
 
 /// Depth in metres at a place between pixels; 0 = missing.

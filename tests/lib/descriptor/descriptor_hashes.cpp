@@ -48,9 +48,10 @@ void print(const std::string& name, const rgbd::RgbdFrame& frame, const rgbd::Pl
       if (rectified && table == nullptr) continue;
       bovw::DescribeOptions options;
       options.descriptor = kind;
+      options.descriptor.gdh.min_points = 5;  // the office is some metres away
       options.view.rectified = rectified;
       options.grid.step_px = 8;
-      const auto descriptor = descriptor::make_descriptor(kind, path);
+      const auto descriptor = descriptor::make_descriptor(options.descriptor, path);
       if (descriptor->uses_colour() && frame.colour.empty()) continue;
       const auto described =
           bovw::describe_frame(frame, frame.mask, table, options, *descriptor, threads);

@@ -276,7 +276,7 @@ TEST(Fpfh, OnePixel) {
   sensor.rectified = false;
   const auto view = rgbd::make_view(frame, mask, nullptr, sensor);
   const auto field =
-      FpfhDescriptor(FpfhOptions{}).describe(frame, view, {{}, mask, {}}, {0, 0, 1, 1, 1}, 2);
+      FpfhDescriptor(FpfhOptions{}).describe(frame, view, {{}, mask}, {0, 0, 1, 1, 1}, 2);
   EXPECT_EQ(field.state, std::vector{PointState::kNothing});
 }
 
