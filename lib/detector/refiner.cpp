@@ -157,6 +157,7 @@ void RefineModel::write(const std::string& path) const {
 
 RefineModel RefineModel::read(const std::string& path) {
   const auto blob = BlobReader::from_file(path, "refine", 2);
+  if (blob.version() < 2) blob.fail("is of an earlier version of weft; train it again");
   RefineModel model;
   model.blocks = read_blocks(blob);
   model.parts.resize(
@@ -170,15 +171,8 @@ RefineModel RefineModel::read(const std::string& path) {
     for (std::size_t k = 0; k < shapes.size(); k += 2) {
       svm.shapes.push_back({shapes[k], shapes[k + 1]});
     }
-    if (blob.version() >= 2) {
-      svm.counts = unpack_counts(blob, name + "counts", model.entries(),
-                                 blob.values<double>(name + "coefficients").size());
-    } else if (blob.has(name + "large_counts")) {
-      svm.counts = blob.values<std::int32_t>(name + "large_counts");
-    } else {
-      for (const auto n : blob.values<std::uint8_t>(name + "counts")) svm.counts.push_back(n);
-    }
     svm.coefficients = blob.values<double>(name + "coefficients");
+    svm.counts = unpack_counts(blob, name + "counts", model.entries(), svm.coefficients.size());
     svm.gamma = blob.number(name + "gamma");
     svm.rho = blob.number(name + "rho");
     svm.platt_a = blob.number(name + "platt_a");

@@ -85,7 +85,9 @@ void slide(const std::uint16_t* cells, int stride, int positions_u, int position
     while (u != last) {
       const std::uint16_t* leaving = cells + (direction > 0 ? u : u + length_u - 1) * stride + v;
       const std::uint16_t* entering = cells + (direction > 0 ? u + length_u : u - 1) * stride + v;
+      // Where the window overhangs the garment the same word comes as goes.
       for (int i = 0; i < length_v; ++i) {
+        if (leaving[i] == entering[i]) continue;
         remove(leaving[i]);
         add(entering[i]);
       }
@@ -94,8 +96,10 @@ void slide(const std::uint16_t* cells, int stride, int positions_u, int position
     }
     if (v + 1 == positions_v) break;
     for (int i = 0; i < length_u; ++i) {
-      remove(cells[(u + i) * stride + v]);
-      add(cells[(u + i) * stride + v + length_v]);
+      const std::uint16_t* row = cells + (u + i) * stride + v;
+      if (row[0] == row[length_v]) continue;
+      remove(row[0]);
+      add(row[length_v]);
     }
   }
 }

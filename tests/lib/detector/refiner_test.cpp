@@ -6,6 +6,7 @@
 #include <opencv2/core.hpp>
 #include <opencv2/ml.hpp>
 
+#include "base/blob.hpp"
 #include "base/error.hpp"
 #include "base/random.hpp"
 #include "detector/chi2_kernel.hpp"
@@ -367,6 +368,11 @@ TEST(RefineModel, WritesAndReadsTheSame) {
   RefineModel model;
   model.blocks = blocks_of({16, 9});
   model.parts = {random_svm(random, "jeans hips", 25, 7), random_svm(random, "polo collar", 25, 3)};
+  // Counts of one to three bytes, a support vector with every word, one with the last word alone.
+  std::fill_n(model.parts[0].counts.begin(), 25, 1 << 20);
+  std::fill_n(model.parts[0].counts.begin() + 25, 24, 0);
+  model.parts[0].counts[49] = 127;
+  model.parts[0].counts[50] = 128;
   const test::TemporaryFolder folder;
   const auto path = folder / "refine.blob";
   model.write(path);
@@ -385,6 +391,36 @@ TEST(RefineModel, WritesAndReadsTheSame) {
     EXPECT_EQ(read.parts[i].shapes.size(), 4u);
     EXPECT_EQ(read.parts[i].shapes[2].width_px, 72.0);
   }
+}
+
+TEST(RefineModel, RefusesDamagedCounts) {
+  const test::TemporaryFolder folder;
+  const auto path = folder / "refine.blob";
+  const auto error_of = [&](std::uint32_t version, const std::vector<std::uint8_t>& counts) {
+    BlobWriter blob("refine", version);
+    write_blocks(blob, blocks_of({5}));
+    blob.add_number("parts", std::int64_t{1});
+    blob.add("part.0.name", "jeans hips");
+    const std::vector<double> shape{10.0, 10.0}, coefficients{1.0, -1.0};
+    blob.add("part.0.shapes", std::span<const double>(shape));
+    blob.add("part.0.coefficients", std::span<const double>(coefficients));
+    blob.add("part.0.counts", std::span<const std::uint8_t>(counts));
+    for (const char* number : {"gamma", "rho", "platt_a", "platt_b"})
+      blob.add_number(std::string("part.0.") + number, 1.0);
+    blob.write(path);
+    return test::error_of([&] { RefineModel::read(path); });
+  };
+  // Words 0 and 3 of the first support vector, word 4 of the second.
+  EXPECT_EQ(error_of(2, {2, 0, 7, 2, 9, 1, 4, 1}), "");
+  EXPECT_NE(error_of(1, {2, 0, 7, 2, 9, 1, 4, 1}), "");
+  EXPECT_NE(error_of(2, {2, 0, 7, 2, 9, 1, 4}), "");        // ends too early
+  EXPECT_NE(error_of(2, {2, 0, 7, 2, 9, 1, 4, 1, 0}), "");  // too late
+  EXPECT_NE(error_of(2, {2, 0, 7, 2, 9, 1, 5, 1}), "");     // a word beyond the last
+  EXPECT_NE(error_of(2, {2, 2, 7, 2, 9, 1, 4, 1}), "");     // two of them together
+  EXPECT_NE(error_of(2, {6, 0, 7, 2, 9, 1, 4, 1}), "");     // more words than there are
+  EXPECT_NE(error_of(2, {2, 0, 255, 255, 255, 127, 1, 9, 1, 4, 1}), "");  // an absurd count
+  EXPECT_NE(error_of(2, {2, 0, 255, 255, 255, 255, 255, 1}), "");         // an endless number
+  EXPECT_NE(error_of(2, {}), "");
 }
 
 TEST(Overlap, HandWorked) {
