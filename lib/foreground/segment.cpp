@@ -84,23 +84,27 @@ std::vector<int> cell_heights_um(const Cells& cells, const TableSurface& surface
       if (cells.z_m[i] == 0.0) continue;
       const double h_m =
           surface.height_m(x * cells.factor + middle, y * cells.factor + middle, cells.z_m[i]);
-      if (std::abs(h_m) < 2.0) raw[i] = static_cast<int>(std::lround(h_m * 1e6));
+      if (std::abs(h_m) < 2.0) raw[i] = static_cast<int>(h_m * 1e6 + (h_m < 0.0 ? -0.5 : 0.5));
     }
   }
   std::vector<int> heights(raw.size(), kNoHeight);
+  // Sums of three rows, column by column, then of three columns.
+  std::vector<int> sums(static_cast<std::size_t>(cells.width) + 2, 0), counts(sums);
   for (int y = 0; y < cells.height; ++y) {
-    for (int x = 0; x < cells.width; ++x) {
-      if (raw[y * cells.width + x] == kNoHeight) continue;
-      int sum = 0, n = 0;
-      for (int yy = std::max(0, y - 1); yy <= std::min(cells.height - 1, y + 1); ++yy) {
-        for (int xx = std::max(0, x - 1); xx <= std::min(cells.width - 1, x + 1); ++xx) {
-          const int h = raw[yy * cells.width + xx];
-          if (h == kNoHeight) continue;
-          sum += h;
-          ++n;
-        }
+    std::fill(sums.begin(), sums.end(), 0);
+    std::fill(counts.begin(), counts.end(), 0);
+    for (int yy = std::max(0, y - 1); yy <= std::min(cells.height - 1, y + 1); ++yy) {
+      const int* row = raw.data() + static_cast<std::ptrdiff_t>(yy) * cells.width;
+      for (int x = 0; x < cells.width; ++x) {
+        sums[x + 1] += row[x] == kNoHeight ? 0 : row[x];
+        counts[x + 1] += row[x] != kNoHeight;
       }
-      heights[y * cells.width + x] = sum / n;
+    }
+    for (int x = 0; x < cells.width; ++x) {
+      const int i = y * cells.width + x;
+      if (raw[i] != kNoHeight)
+        heights[i] =
+            (sums[x] + sums[x + 1] + sums[x + 2]) / (counts[x] + counts[x + 1] + counts[x + 2]);
     }
   }
   return heights;
