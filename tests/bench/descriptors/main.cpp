@@ -78,7 +78,7 @@ Scan load(const std::string& name, const std::filesystem::path& path) {
   rgbd::ViewOptions sensor;
   sensor.rectified = false;
   scan.view = rgbd::make_view(scan.frame, all, nullptr, sensor);
-  scan.images = {scan.frame.colour, all, {}};
+  scan.images = {scan.frame.colour, all};
   scan.grid = descriptor::make_grid(scan.view.width, scan.view.height, {});
   return scan;
 }
