@@ -33,8 +33,9 @@ Vec3 cloth_radiance(const Garment& g, const Surface& s, const Fabric& fabric,
   const float determinant = t1.x() * t2.y() - t1.y() * t2.x();
   if (std::abs(determinant) > 1e-9f) {
     constexpr float kStep = 0.0008f;
+    const float ease = fabric.ease(material, g.simulation.panels[at(panel)]);
     const auto height = [&](const Vec2& q) {
-      return 0.001f * (fabric.seam_relief * map.height_at(q) + fabric.relief_mm(panel, q));
+      return 0.001f * (fabric.seam_relief * map.height_at(q) + fabric.relief_mm(panel, q, ease));
     };
     const float h = height(p);
     const float gx = (height(p + Vec2(kStep, 0)) - h) / kStep;

@@ -37,8 +37,12 @@ Vec3 draw_colour(Random& r, bool held_out_hue) {
 Vec3 mix(const Vec3& a, const Vec3& b, float t) { return a + (b - a) * t; }
 Vec3 grey(float v) { return Vec3::Constant(v); }
 
-bool is_collar(const Panel& p) {
-  return p.name.find("collar") != std::string::npos || p.name.find("hood") != std::string::npos;
+bool is_leaf(const Panel& p) { return p.name.find("collar") != std::string::npos; }
+bool is_collar(const Panel& p) { return is_leaf(p) || p.name.find("hood") != std::string::npos; }
+
+bool is_stiff(Material m) {
+  return m == Material::kRib || m == Material::kPlacket || m == Material::kWaistband ||
+         m == Material::kHem || m == Material::kBeltLoop || m == Material::kFly;
 }
 
 }  // namespace
@@ -195,6 +199,31 @@ Fabric draw_fabric(Random& r, bool held_out, const Vec3& near, const Simulation&
   return f;
 }
 
+void draw_wear(Random& r, Fabric& f) {
+  const auto u = [&](double a, double b) { return static_cast<float>(r.uniform(a, b)); };
+  const auto turned = [&](float& s, float& c) {
+    const double turn = r.uniform(0.0, kPi);
+    s = static_cast<float>(sine(turn));
+    c = static_cast<float>(cosine(turn));
+  };
+  const double folds = r.uniform();
+  f.fold_mm = folds < 0.3 ? 0.0f : folds < 0.6 ? u(0.5, 2.5) : u(2.0, 7.0);
+  f.fold_scale_m = u(0.02, 0.05);
+  f.fold_stretch = u(3.0, 9.0);
+  turned(f.fold_sine, f.fold_cosine);
+  f.stiff_share = r.uniform() < 0.3 ? u(0.4, 1.0) : u(0.0, 0.3);
+  f.plain_bands = r.uniform() < 0.5;
+  f.band_tone = r.uniform() < 0.5 ? u(0.95, 1.05) : u(0.75, 1.3);
+  if (f.family == "melange") {
+    f.scale_m = u(0.004, 0.03);
+    f.strength = u(0.2, 1.0);
+  }
+}
+
+float Fabric::ease(Material material, const Panel& panel) const {
+  return is_stiff(material) || is_leaf(panel) ? stiff_share : 1.0f;
+}
+
 Vec3 Fabric::albedo(Material material, const Panel& panel, int index, const Vec2& p,
                     bool is_inside) const {
   switch (material) {
@@ -236,6 +265,8 @@ Vec3 Fabric::albedo(Material material, const Panel& panel, int index, const Vec2
     return (c * fine).cwiseMin(0.92f);
   }
   if (trim_piece) return (trim * fine).cwiseMin(0.92f);
+  if (plain_bands && (material == Material::kRib || is_leaf(panel)))
+    return (base * (band_tone * fine)).cwiseMin(0.92f);
 
   const float x = angle_cosine * p.x() + angle_sine * p.y();
   const float y = -angle_sine * p.x() + angle_cosine * p.y();
@@ -337,7 +368,7 @@ Vec3 Fabric::albedo(Material material, const Panel& panel, int index, const Vec2
   return (c * (fine * slow)).cwiseMax(0.002f).cwiseMin(0.92f);
 }
 
-float Fabric::relief_mm(int index, const Vec2& p) const {
+float Fabric::relief_mm(int index, const Vec2& p, float share) const {
   const auto offset = static_cast<std::uint32_t>(index) * 7919u + seed;
   float h = 0.0f;
   if (wrinkle_mm > 0.0f) {
@@ -350,6 +381,18 @@ float Fabric::relief_mm(int index, const Vec2& p) const {
     const float where = smooth_step(0.2f, 0.65f, noise(p.x() / 0.11f, p.y() / 0.11f, offset + 14));
     h += wrinkle_mm * where * ((1.0f - std::abs(ridge)) * 1.2f + 0.5f * (1.0f - std::abs(small)));
   }
+  if (fold_mm > 0.0f) {
+    // Crests along the zero lines of a stretched noise, bent as gathers are.
+    const float bend_x = 0.05f * noise(p.x() / 0.13f, p.y() / 0.13f, offset + 16);
+    const float bend_y = 0.05f * noise(p.x() / 0.13f, p.y() / 0.13f, offset + 17);
+    const float px = p.x() + bend_x, py = p.y() + bend_y;
+    const float x = (fold_cosine * px + fold_sine * py) / fold_scale_m;
+    const float y = (-fold_sine * px + fold_cosine * py) / (fold_stretch * fold_scale_m);
+    const float crest = 1.0f - std::abs(2.0f * noise(x, y, offset + 18) - 1.0f);
+    const float where = smooth_step(0.3f, 0.7f, noise(p.x() / 0.15f, p.y() / 0.15f, offset + 19));
+    h += fold_mm * where * crest * crest * crest;
+  }
+  h *= share;
   if (crease_mm > 0.0f) {
     const float t = p.y() / crease_spacing_m, u = p.x() / (1.3f * crease_spacing_m) + 0.5f;
     const float dy = (t - static_cast<float>(floor_int(t)) - 0.5f) * crease_spacing_m;

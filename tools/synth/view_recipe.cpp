@@ -141,6 +141,8 @@ ViewRecipe draw_view(Random& r, const std::vector<const Simulation*>& objects, b
 
   draw_sensors(r, v.colour, v.depth);
   v.sensor_seed = r.bits();
+  for (auto& fabric : v.fabrics) draw_wear(r, fabric);
+  v.contact = u(0.1, 1.0);
   return v;
 }
 

@@ -71,6 +71,7 @@ struct ViewRecipe {
   ColourSensor colour;
   DepthSensor depth;
   std::uint64_t sensor_seed = 0;
+  float contact = 0.0f;  // depth of the shadows where layers meet, 0 to 1
 };
 
 /// Sensors as different as those of the real scans.

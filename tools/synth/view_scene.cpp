@@ -16,6 +16,42 @@ constexpr float kShadowReach_m = 0.30;  // the table farther from the cloth than
 
 std::size_t at(int i) { return static_cast<std::size_t>(i); }
 
+/// Darkens what lies in a dent of a few pixels: beside edges of cloth, where layers meet. The light
+/// of the vertices is too coarse to see that.
+void add_contact_shadows(const cv::Mat& depth_m, float focal_px, float strength,
+                         cv::Mat& radiance) {
+  constexpr int kReach = 5;
+  constexpr float kMost_m = 0.006f;  // deeper dents are the vertices' business
+  constexpr int kWays[4][2] = {{1, 0}, {0, 1}, {1, 1}, {1, -1}};
+  const auto z = [&](int x, int y) {
+    return depth_m.at<float>(std::clamp(y, 0, depth_m.rows - 1),
+                             std::clamp(x, 0, depth_m.cols - 1));
+  };
+  for (int y = 0; y < depth_m.rows; ++y) {
+    for (int x = 0; x < depth_m.cols; ++x) {
+      const float own = z(x, y), pixel_m = own / focal_px;
+      float closed = 0.0f;
+      for (const auto& way : kWays) {
+        const float length = way[0] != 0 && way[1] != 0 ? 1.41421356f : 1.0f;
+        float horizon[2] = {-1e9f, -1e9f};
+        for (int side = 0; side < 2; ++side) {
+          for (int r = 1; r <= kReach; ++r) {
+            const int s = side == 0 ? r : -r;
+            const float rise =
+                std::clamp(own - z(x + s * way[0], y + s * way[1]), -kMost_m, kMost_m);
+            horizon[side] =
+                std::max(horizon[side], rise / (static_cast<float>(r) * length * pixel_m));
+          }
+        }
+        // A slope rises on one side as it falls on the other.
+        const float dent = std::max(0.0f, 0.5f * (horizon[0] + horizon[1]));
+        closed += 0.25f * dent / (1.0f + dent);
+      }
+      radiance.at<cv::Vec3f>(y, x) *= 1.0f - strength * closed;
+    }
+  }
+}
+
 Vec3 bilinear(const cv::Mat& image, const Vec2& p) {
   const float x = std::clamp(p.x(), 0.0f, static_cast<float>(image.cols) - 1.001f);
   const float y = std::clamp(p.y(), 0.0f, static_cast<float>(image.rows) - 1.001f);
@@ -243,8 +279,10 @@ IdealImages ViewScene::render(int samples) const {
         const PanelMap& map = garments_[object]->maps[at(panel)];
         const Vec2 p = triangle.blend(s.pattern);
         normal = triangle.blend(s.normal).normalized();
-        const float raised =
-            0.001f * (map.height_at(p) + recipe_.fabrics[object].relief_mm(panel, p));
+        const Fabric& fabric = recipe_.fabrics[object];
+        const auto material = static_cast<Material>(map.outside.at<std::uint8_t>(map.texel(p)));
+        const float ease = fabric.ease(material, garments_[object]->simulation.panels[at(panel)]);
+        const float raised = 0.001f * (map.height_at(p) + fabric.relief_mm(panel, p, ease));
         z = hit.distance + raised * normal.dot(recipe_.pose.forward);
         out.object.at<std::uint8_t>(y, x) = static_cast<std::uint8_t>(hit.object + 1);
         out.parts.at<int>(y, x) = map.parts.at<int>(map.texel(p));
@@ -256,6 +294,10 @@ IdealImages ViewScene::render(int samples) const {
       const Vec3 way = projector - point;
       if (scene_.occluded(point, way, 0.0f, 1.0f)) out.shadow.at<std::uint8_t>(y, x) = 255;
     }
+  }
+  if (recipe_.contact > 0.0f) {
+    add_contact_shadows(out.depth_m, static_cast<float>(recipe_.camera.fx), recipe_.contact,
+                        out.radiance);
   }
   if (recipe_.mirrored) {
     for (cv::Mat* image : {&out.radiance, &out.depth_m, &out.cosine, &out.object, &out.parts,
