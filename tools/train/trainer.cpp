@@ -61,24 +61,11 @@ struct View {
   }
 };
 
-/// The garments whose collars, or sleeves, look alike.
-bool are_kindred(int a, int b) {
-  static constexpr std::array<std::array<std::string_view, 2>, 4> kPairs = {
-      {{"shirt collar", "polo collar"},
-       {"t-shirt collar", "dress collar"},
-       {"t-shirt sleeves", "polo sleeves"},
-       {"shirt sleeves", "sweater sleeves"}}};
-  const std::string_view first = kParts[static_cast<std::size_t>(a)],
-                         second = kParts[static_cast<std::size_t>(b)];
-  return std::any_of(kPairs.begin(), kPairs.end(), [&](const auto& pair) {
-    return (pair[0] == first && pair[1] == second) || (pair[0] == second && pair[1] == first);
-  });
-}
-
 /// Whether an annotation is a positive of the part, given what kindred parts are.
 bool teaches(const ViewPart& p, int part, Kindred kindred) {
-  return !p.ignore &&
-         (p.part == part || (kindred == Kindred::kPositive && are_kindred(p.part, part)));
+  return !p.ignore && (p.part == part || (kindred == Kindred::kPositive &&
+                                          are_kindred(kParts[static_cast<std::size_t>(p.part)],
+                                                      kParts[static_cast<std::size_t>(part)])));
 }
 
 std::uint64_t part_seed(const TrainOptions& options, int part, int purpose) {
@@ -365,7 +352,10 @@ bool Trainer::may_be_negative(const View& view, int part, const bovw::CellBox& w
   const auto box = detector::window_box(view.grid(), window);
   const double x = box.x + box.width / 2, y = box.y + box.height / 2;
   for (const auto& p : view.parts) {
-    if (p.part != part && (kindred == Kindred::kNegative || !are_kindred(p.part, part))) continue;
+    if (p.part != part &&
+        (kindred == Kindred::kNegative || !are_kindred(kParts[static_cast<std::size_t>(p.part)],
+                                                       kParts[static_cast<std::size_t>(part)])))
+      continue;
     const double limit = p.ignore ? kIgnoreOverlap : options_.max_negative_overlap;
     if (detector::overlap(box, p.box) > limit) return false;
     if ((p.ignore || !options_.negatives_inside) && evaluation::inside(p.polygon, x, y)) {
@@ -922,6 +912,17 @@ void train_models(const dataset::Dataset& data, const std::string& models, const
                   const Note& note) {
   options.validate();
   Trainer(data, models, work, options, std::max(1, threads), report, note).run();
+}
+
+bool are_kindred(std::string_view a, std::string_view b) {
+  static constexpr std::array<std::array<std::string_view, 2>, 4> kPairs = {
+      {{"shirt collar", "polo collar"},
+       {"t-shirt collar", "dress collar"},
+       {"t-shirt sleeves", "polo sleeves"},
+       {"shirt sleeves", "sweater sleeves"}}};
+  return std::any_of(kPairs.begin(), kPairs.end(), [&](const auto& pair) {
+    return (pair[0] == a && pair[1] == b) || (pair[0] == b && pair[1] == a);
+  });
 }
 
 std::vector<detector::WindowShape> cluster_shapes(const std::vector<detector::Box>& boxes,

@@ -3,6 +3,7 @@
 #include <cstdint>
 #include <functional>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "base/options.hpp"
@@ -158,6 +159,9 @@ using Note = std::function<void(const std::string& text)>;
 /// noted and left out. Throws Error when nothing can be trained.
 void train_models(const dataset::Dataset& data, const std::string& models, const std::string& work,
                   const TrainOptions& options, int threads, const Report& report, const Note& note);
+
+/// Whether two different parts look alike: collars or sleeves of garments of similar make.
+bool are_kindred(std::string_view a, std::string_view b);
 
 /// k-means of log sizes, k-means++ start; at most `count` shapes, largest area first.
 std::vector<detector::WindowShape> cluster_shapes(const std::vector<detector::Box>& boxes,

@@ -67,6 +67,61 @@ TEST(ViewScene, MirroringFlipsEverything) {
   }
 }
 
+TEST(ViewScene, ContactShadowsLieAlongEdgesOnly) {
+  ViewRecipe recipe = plain_recipe();
+  recipe.pose.forward = Vec3(0.2f, 0.0f, -1.0f).normalized();  // slopes are no dents
+  recipe.pose.right =
+      recipe.pose.right - recipe.pose.right.dot(recipe.pose.forward) * recipe.pose.forward;
+  recipe.pose.right.normalize();
+  recipe.pose.down = recipe.pose.forward.cross(recipe.pose.right);
+  recipe.pose.origin = -0.8f * recipe.pose.forward;
+  const Rendered without(recipe);
+  recipe.contact = 1.0f;
+  const Rendered with(recipe);
+  const auto ratio = [&](int y, int x) {
+    return with.images.radiance.at<cv::Vec3f>(y, x)[1] /
+           without.images.radiance.at<cv::Vec3f>(y, x)[1];
+  };
+  int edge = 639;  // the rightmost pixel of cloth in a row
+  while (edge > 0 && with.images.object.at<std::uint8_t>(240, edge) == 0) --edge;
+  ASSERT_GT(edge, 320);
+  ASSERT_LT(edge, 600);
+  EXPECT_LT(ratio(240, edge + 1), 0.9f);
+  EXPECT_LT(ratio(240, edge + 1), ratio(240, edge + 4));
+  EXPECT_GT(ratio(240, edge), 0.98f);
+  EXPECT_GT(ratio(240, edge + 20), 0.99f);
+  EXPECT_EQ(with.images.depth_m.at<float>(240, edge + 1),
+            without.images.depth_m.at<float>(240, edge + 1));
+}
+
+TEST(Fabric, WearWrinklesClothAndSparesStiffPieces) {
+  const auto sack = test::procedural_sack();
+  const Panel body{"front", "front", 0}, collar{"collar_left", "front", 1};
+  int folded = 0, spared = 0;
+  for (int seed = 0; seed < 40; ++seed) {
+    Random random(static_cast<std::uint64_t>(seed)), again(static_cast<std::uint64_t>(seed));
+    Fabric fabric = draw_fabric(random, false, Vec3::Constant(0.3f), sack);
+    Fabric same = draw_fabric(again, false, Vec3::Constant(0.3f), sack);
+    draw_wear(random, fabric);
+    draw_wear(again, same);
+    EXPECT_EQ(fabric.ease(Material::kFabric, body), 1.0f);
+    EXPECT_EQ(fabric.ease(Material::kFabric, collar), fabric.stiff_share);
+    EXPECT_EQ(fabric.ease(Material::kPlacket, body), fabric.stiff_share);
+    float highest = 0.0f;
+    for (int i = 0; i < 400; ++i) {
+      const Vec2 p(0.01f * static_cast<float>(i % 20), 0.02f * static_cast<float>(i / 20));
+      const float h = fabric.relief_mm(0, p, 1.0f);
+      EXPECT_EQ(h, same.relief_mm(0, p, 1.0f));
+      highest = std::max(highest, h);
+    }
+    EXPECT_LE(highest, 1.7f * fabric.wrinkle_mm + fabric.fold_mm + fabric.crease_mm + 1.0f);
+    folded += fabric.fold_mm > 0.0f && highest > 0.3f * fabric.fold_mm;
+    spared += fabric.stiff_share < 0.3f;
+  }
+  EXPECT_GT(folded, 20);
+  EXPECT_GT(spared, 20);
+}
+
 TEST(ViewScene, EvenLightGivesTheAlbedoWithoutNoise) {
   const Rendered r(plain_recipe());
   // Far from the cloth the table sees the whole sky: radiance = albedo x sky radiance.

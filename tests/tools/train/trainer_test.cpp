@@ -37,6 +37,22 @@ TEST(ClusterShapes, FewerSizesThanShapes) {
   EXPECT_THROW(cluster_shapes({}, 5, 1), Error);
 }
 
+TEST(AreKindred, PairsPartsOfOneKind) {
+  int kindred = 0;
+  for (const std::string a : detector::kParts) {
+    EXPECT_FALSE(are_kindred(a, a));
+    for (const std::string b : detector::kParts) {
+      EXPECT_EQ(are_kindred(a, b), are_kindred(b, a));
+      if (!are_kindred(a, b)) continue;
+      ++kindred;
+      EXPECT_EQ(a.substr(a.find(' ')), b.substr(b.find(' ')));  // collar and collar
+    }
+  }
+  EXPECT_EQ(kindred, 8);
+  EXPECT_TRUE(are_kindred("shirt collar", "polo collar"));
+  EXPECT_FALSE(are_kindred("jeans hips", "jeans pants hemline"));
+}
+
 TEST(AssignFolds, KeepsSimulationsTogetherAndGarmentsSpread) {
   std::vector<std::string> simulations, garments;
   for (int i = 0; i < 80; ++i) {
