@@ -1,5 +1,7 @@
 #include <gtest/gtest.h>
 
+#include <Eigen/Geometry>
+
 #include "synth/annotate.hpp"
 #include "tools/synth/procedural.hpp"
 
