@@ -224,12 +224,15 @@ Sequence open_7scenes(const fs::path& folder) {
   return s;
 }
 
+std::map<std::int64_t, std::string> icl_colour(const fs::path& folder) {
+  return first_of({numbered(folder / "image", "", ".jpg"), numbered(folder / "rgb", "", ".png")});
+}
+
 Sequence open_icl(const fs::path& folder) {
   Sequence s;
   s.kind = "icl";
   s.camera = kKinect;
-  pair_up(first_of({numbered(folder / "image", "", ".jpg"), numbered(folder / "rgb", "", ".png")}),
-          numbered(folder / "depth", "", ".png"), at_30_hz, s);
+  pair_up(icl_colour(folder), numbered(folder / "depth", "", ".png"), at_30_hz, s);
   const fs::path truth = folder / "groundtruth_keyframes_relative_to_frame0.txt";
   if (fs::exists(truth)) {
     s.truth = read_trajectory(truth.string());
@@ -258,23 +261,32 @@ rgbd::RgbdFrame Sequence::read(std::size_t index) const {
   return frame;
 }
 
+std::string sequence_kind(const std::string& folder) {
+  const fs::path path(folder);
+  if (fs::exists(path / "truth_cam_poses.txt")) return "cube_slam";
+  if (fs::exists(path / "rgb.txt") && fs::exists(path / "depth.txt")) return "tum";
+  if (!numbered(path, "frame-", ".depth.png").empty()) return "7scenes";
+  if (!numbered(path / "depth", "", ".png").empty() && !icl_colour(path).empty()) return "icl";
+  return "";
+}
+
 Sequence open_sequence(const std::string& folder) {
   const fs::path path(folder);
+  const std::string kind = sequence_kind(folder);
   Sequence s;
-  if (fs::exists(path / "truth_cam_poses.txt"))
+  if (kind == "cube_slam")
     s = open_cube_slam(path);
-  else if (fs::exists(path / "rgb.txt") && fs::exists(path / "depth.txt"))
+  else if (kind == "tum")
     s = open_tum(path);
-  else if (!numbered(path, "frame-", ".depth.png").empty())
+  else if (kind == "7scenes")
     s = open_7scenes(path);
-  else if (fs::is_directory(path / "depth") &&
-           (fs::is_directory(path / "image") || fs::is_directory(path / "rgb")))
+  else if (kind == "icl")
     s = open_icl(path);
   else
     throw Error(folder +
                 ": no recording of a moving camera; looked for rgb.txt and depth.txt (TUM), "
-                "truth_cam_poses.txt (cube_slam), frame-*.depth.png (7-Scenes), and the folders "
-                "depth and image or rgb (ICL-NUIM)");
+                "truth_cam_poses.txt (cube_slam), frame-*.depth.png (7-Scenes), and numbered "
+                "images in depth and image or rgb (ICL-NUIM)");
   s.name = fs::absolute(path).lexically_normal().filename().string();
   if (s.name.empty())
     s.name = fs::absolute(path).lexically_normal().parent_path().filename().string();

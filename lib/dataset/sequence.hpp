@@ -44,4 +44,7 @@ struct Sequence {
 /// together are not all there.
 Sequence open_sequence(const std::string& folder);
 
+/// The kind open_sequence would take the folder for; empty when it is no recording.
+std::string sequence_kind(const std::string& folder);
+
 }  // namespace weft::dataset

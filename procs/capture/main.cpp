@@ -44,7 +44,10 @@ struct Shortcuts {
       return app.add_option_function<std::string>(
           name, [this, key](const std::string& value) { values.emplace_back(key, value); }, doc);
     };
-    option("--dataset", "dataset", "folder of scans: IRI layout, CTU, image pairs, organised PCDs");
+    option("--dataset", "dataset",
+           "folder of scans (IRI layout, CTU, image pairs, organised PCDs), or a recording of a "
+           "moving camera (TUM, cube_slam, 7-Scenes, ICL-NUIM)");
+    option("--format", "format", "auto, tum, cube_slam, 7scenes, icl, or pairs for single scans");
     option("--colour", "colour", "colour image of one pair");
     option("--depth", "depth", "depth image of one pair");
     option("--pcd", "pcd", "one organised cloud");

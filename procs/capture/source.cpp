@@ -1,6 +1,7 @@
 #include "procs/capture/source.hpp"
 
 #include "base/hash.hpp"
+#include "dataset/sequence.hpp"
 
 namespace weft::capture_process {
 namespace {
@@ -55,6 +56,55 @@ class ScanSource : public CaptureSource {
   int rounds_ = 0;
 };
 
+/// A recording of a moving camera, with its own times.
+class RecordingSource : public CaptureSource {
+ public:
+  RecordingSource(const CaptureOptions& options, dataset::Sequence sequence)
+      : options_(options), interface_(make_interface(options)), sequence_(std::move(sequence)) {
+    const auto& frames = sequence_.frames;
+    const std::int64_t length_us = frames.back().utime - frames.front().utime;
+    const auto steps = static_cast<std::int64_t>(frames.size()) - 1;
+    round_us_ = length_us + (steps > 0 ? length_us / steps : 100'000);
+  }
+
+  const stage::Interface& interface() const override { return interface_; }
+  long frame_count() const override {
+    return static_cast<long>(sequence_.frames.size()) * options_.loop;
+  }
+  std::int64_t default_session() const override {
+    CaptureOptions content = options_;
+    content.dataset.clear();
+    Hash64 hash;
+    hash.add(options_hash(content));
+    for (const auto& frame : sequence_.frames) hash.add(std::to_string(frame.utime));
+    return static_cast<std::int64_t>(hash.value() >> 1);
+  }
+
+  bool next(stage::Outputs& outputs, const std::stop_token& stop) override {
+    if (stop.stop_requested()) return false;
+    if (at_ == sequence_.frames.size()) {
+      at_ = 0;
+      ++rounds_;
+    }
+    if (options_.loop > 0 && rounds_ >= options_.loop) return false;
+    rgbd_frame_t& message = outputs.at<rgbd_frame_t>(kChannel);
+    message.header.utime = sequence_.frames[at_].utime + rounds_ * round_us_;
+    rgbd::RgbdFrame frame = sequence_.read(at_++);
+    // Without the folder's name, so that the same files give the same log everywhere.
+    frame.source = frame.source.substr(frame.source.rfind('/') + 1);
+    messages::to_message(frame, options_.encoding, message);
+    return true;
+  }
+
+ private:
+  CaptureOptions options_;
+  stage::Interface interface_;
+  dataset::Sequence sequence_;
+  std::int64_t round_us_ = 0;
+  std::size_t at_ = 0;
+  int rounds_ = 0;
+};
+
 class CameraSource : public CaptureSource {
  public:
   CameraSource(const CaptureOptions& options, const std::string& device)
@@ -87,6 +137,24 @@ class CameraSource : public CaptureSource {
   std::int64_t offset_us_ = 0;
 };
 
+/// As dataset::sequence_kind has it; empty: any.
+std::string format_name(CaptureOptions::Format format) {
+  switch (format) {
+    case CaptureOptions::Format::kTum:
+      return "tum";
+    case CaptureOptions::Format::kCubeSlam:
+      return "cube_slam";
+    case CaptureOptions::Format::kSevenScenes:
+      return "7scenes";
+    case CaptureOptions::Format::kIcl:
+      return "icl";
+    case CaptureOptions::Format::kAuto:
+    case CaptureOptions::Format::kScans:
+      break;
+  }
+  return "";
+}
+
 }  // namespace
 
 void CaptureOptions::validate() const {
@@ -113,6 +181,21 @@ std::unique_ptr<CaptureSource> make_source(const Settings& settings) {
         options.device.size() > 4 && options.device.substr(options.device.size() - 4) == ".oni";
     return std::make_unique<CameraSource>(options,
                                           file ? settings.path(options.device) : options.device);
+  }
+  if (!options.dataset.empty() && options.format != CaptureOptions::Format::kScans) {
+    const std::string folder = settings.path(options.dataset);
+    const std::string kind = dataset::sequence_kind(folder);
+    const std::string wanted = format_name(options.format);
+    if (!wanted.empty() && kind != wanted)
+      throw Error(folder + ": no recording of format " + wanted +
+                  (kind.empty() ? "" : "; it looks like " + kind));
+    if (!kind.empty()) {
+      if (options.views.rotations > 1 || options.views.mirror)
+        throw Error(folder +
+                    ": a recording is not shown rotated or mirrored; format=pairs takes "
+                    "its frames as single scans");
+      return std::make_unique<RecordingSource>(options, dataset::open_sequence(folder));
+    }
   }
   auto set = !options.dataset.empty()
                  ? dataset::open_dataset(settings.path(options.dataset), options.scans)

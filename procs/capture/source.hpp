@@ -14,7 +14,9 @@
 namespace weft::capture_process {
 
 struct CaptureOptions {
+  enum class Format { kAuto, kTum, kCubeSlam, kSevenScenes, kIcl, kScans };
   std::string dataset;
+  Format format = Format::kAuto;
   std::string colour;
   std::string depth;
   std::string pcd;
@@ -26,13 +28,22 @@ struct CaptureOptions {
   messages::FrameEncoding encoding;
 
   void visit(OptionVisitor& v) {
-    v.field("dataset", dataset, "folder of scans; its kind is told from its files");
+    v.field("dataset", dataset, "folder of scans, or of a recording of a moving camera");
+    v.choice("format", format,
+             {{"auto", Format::kAuto},
+              {"tum", Format::kTum},
+              {"cube_slam", Format::kCubeSlam},
+              {"7scenes", Format::kSevenScenes},
+              {"icl", Format::kIcl},
+              {"pairs", Format::kScans}},
+             "what the folder holds; auto: told from its files, a recording before scans. pairs: "
+             "single scans (image pairs, IRI layout, CTU, clouds), whatever else it looks like");
     v.field("colour", colour, "colour image of one pair, PNG or JPEG");
     v.field("depth", depth, "depth image of the pair, 16-bit PNG");
     v.field("pcd", pcd, "one organised cloud");
     v.field("device", device, "OpenNI2 camera: any, its URI, or an .oni recording");
     v.field("loop", loop, {0, 1000000}, "",
-            "how often the scans of a folder are shown; 0: without end");
+            "how often the scans or frames of a folder are shown; 0: without end");
     v.group("views", views);
     v.group("scans", scans);
     v.group("openni", openni);

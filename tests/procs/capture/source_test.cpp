@@ -5,6 +5,7 @@
 #include <cstdlib>
 #include <cstring>
 #include <opencv2/imgcodecs.hpp>
+#include <tuple>
 
 #include "procs/capture/log.hpp"
 #include "stage/log.hpp"
@@ -115,6 +116,71 @@ TEST(CaptureSource, OnePairIsASource) {
       {"colour=" + (folder / "a_rgb.png"), "depth=" + (folder / "a_depth.png"), "scans.fx_px=77"}));
   EXPECT_EQ(write_log(*source, folder / "x.lcm", {}).frames, 1);
   EXPECT_EQ(frames_of_log(folder / "x.lcm").at(0).camera_model.fx, 77.0);
+}
+
+/// Three frames in the layout of the TUM benchmark, at 10 Hz from 5.25 s on.
+void write_recording(const test::TemporaryFolder& folder) {
+  std::string colours = "# colour\n", depths = "# depth\n";
+  for (const char* sub : {"rgb", "depth"}) std::filesystem::create_directory(folder / sub);
+  for (int i = 0; i < 3; ++i) {
+    const std::string name = std::to_string(i) + ".png";
+    const std::string stamp = "5." + std::to_string(250 + 100 * i);
+    cv::imwrite(folder / ("rgb/" + name), colour_image(10 + i));
+    cv::imwrite(folder / ("depth/" + name), depth_image(5000 + i));
+    colours += stamp + " rgb/" + name + "\n";
+    depths += stamp + " depth/" + name + "\n";
+  }
+  test::write_bytes(folder / "rgb.txt", colours);
+  test::write_bytes(folder / "depth.txt", depths);
+  test::write_bytes(folder / "camera.yaml",
+                    "{width: 32, height: 24, fx: 30, fy: 31, cx: 15, cy: 11, depth_factor: 5000}");
+}
+
+TEST(CaptureSource, ARecordingKeepsItsTimesAndItsCamera) {
+  const test::TemporaryFolder folder;
+  write_recording(folder);
+  for (const char* format : {"auto", "tum"}) {
+    const auto source = make_source(
+        settings_of({"dataset=" + folder.string(), std::string("format=") + format, "loop=2"}));
+    EXPECT_EQ(source->frame_count(), 6);
+    EXPECT_EQ(write_log(*source, folder / "x.lcm", {}).errors.size(), 0u);
+    const auto frames = frames_of_log(folder / "x.lcm");
+    ASSERT_EQ(frames.size(), 6u);
+    for (std::size_t i = 0; i < 6; ++i) {
+      EXPECT_EQ(frames[i].header.seq, static_cast<std::int64_t>(i));
+      EXPECT_EQ(frames[i].header.utime, 5'250'000 + static_cast<std::int64_t>(i) * 100'000);
+      EXPECT_EQ(frames[i].source, std::to_string(i % 3) + ".png");
+      EXPECT_EQ(frames[i].camera_model.fy, 31.0);
+      EXPECT_EQ(frames[i].depth_unit_m, 1.0 / 5000.0);
+      EXPECT_EQ(messages::from_message(frames[i]).depth.at<std::uint16_t>(5, 5), 5000 + i % 3);
+    }
+  }
+}
+
+TEST(CaptureSource, ARecordingOfAnotherFormatIsRefused) {
+  const test::TemporaryFolder folder;
+  write_recording(folder);
+  const auto error = [&](const std::string& more) {
+    return error_of([&] { make_source(settings_of({"dataset=" + folder.string(), more})); });
+  };
+  EXPECT_NE(error("format=7scenes").find("it looks like tum"), std::string::npos);
+  EXPECT_NE(error("views.mirror=true").find("format=pairs"), std::string::npos);
+  EXPECT_NE(error("format=kitti").find("format"), std::string::npos);
+  // Taken as single scans, it has neither times nor its own camera.
+  const auto scans = make_source(settings_of({"dataset=" + folder.string(), "format=pairs"}));
+  EXPECT_EQ(scans->frame_count(), 3);
+}
+
+TEST(CaptureSource, RealRecordingsAreTold) {
+  for (const auto& [name, format, frames] : {std::tuple("tum-fr3-cabinet-58", "cube_slam", 58),
+                                             {"7scenes-redkitchen-200", "7scenes", 200},
+                                             {"icl-livingroom1-211", "icl", 211}}) {
+    const auto folder = test::data_folder() / name;
+    WEFT_NEEDS_DATA(folder);
+    const auto source =
+        make_source(settings_of({"dataset=" + folder.string(), std::string("format=") + format}));
+    EXPECT_EQ(source->frame_count(), frames) << name;
+  }
 }
 
 TEST(CaptureSource, ExactlyOneSourceIsNeeded) {
