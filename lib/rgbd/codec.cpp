@@ -59,7 +59,9 @@ void check_png(const std::uint8_t* data, std::size_t size, PngKind kind, int wid
   const int bits = header[8], colour_type = header[9];
   const bool good = kind == PngKind::kColour  ? bits == 8 && colour_type == 2
                     : kind == PngKind::kDepth ? bits == 16 && colour_type == 0
-                                              : (bits == 1 || bits == 8) && colour_type == 0;
+                    : kind == PngKind::kLabels
+                        ? bits == 8 && colour_type == 0
+                        : (bits == 1 || bits == 8) && colour_type == 0;
   if (!good)
     throw Error(where + ": a PNG of colour type " + std::to_string(colour_type) + " with " +
                 std::to_string(bits) + " bits is not what was expected here");
@@ -133,6 +135,10 @@ std::vector<std::uint8_t> encode_png(const cv::Mat& image, PngKind kind) {
                    : kind == PngKind::kDepth ? CV_16UC1
                                              : CV_8UC1;
   std::vector<int> parameters = {cv::IMWRITE_PNG_COMPRESSION, 6};
+  // Fast: labels are sent with every frame, and have long runs.
+  if (kind == PngKind::kLabels)
+    parameters = {cv::IMWRITE_PNG_COMPRESSION, 1, cv::IMWRITE_PNG_STRATEGY,
+                  cv::IMWRITE_PNG_STRATEGY_RLE};
   if (kind == PngKind::kMask) parameters.insert(parameters.end(), {cv::IMWRITE_PNG_BILEVEL, 1});
   return encode(".png", image, type, parameters);
 }
@@ -145,6 +151,8 @@ cv::Mat decode_png(const std::uint8_t* data, std::size_t size, PngKind kind, int
                   height, where);
   if (kind == PngKind::kDepth)
     return decode(data, size, cv::IMREAD_UNCHANGED, CV_16UC1, width, height, where);
+  if (kind == PngKind::kLabels)
+    return decode(data, size, cv::IMREAD_GRAYSCALE, CV_8UC1, width, height, where);
   cv::Mat mask = decode(data, size, cv::IMREAD_GRAYSCALE, CV_8UC1, width, height, where);
   for (int v = 0; v < mask.rows; ++v) {
     for (int u = 0; u < mask.cols; ++u) {

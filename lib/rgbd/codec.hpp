@@ -21,7 +21,8 @@ cv::Mat decode_colour_jpeg(const std::uint8_t* data, std::size_t size, int width
 /// or when a side is not within 1 to 8192 px.
 cv::Size image_size(const std::uint8_t* data, std::size_t size, const std::string& where);
 
-enum class PngKind { kColour, kDepth, kMask };  // CV_8UC3 BGR, CV_16UC1, CV_8UC1 of 0 and 255
+/// CV_8UC3 BGR, CV_16UC1, CV_8UC1 of 0 and 255, CV_8UC1 of any values.
+enum class PngKind { kColour, kDepth, kMask, kLabels };
 /// Lossless. A mask is written with one bit a pixel.
 std::vector<std::uint8_t> encode_png(const cv::Mat& image, PngKind kind);
 cv::Mat decode_png(const std::uint8_t* data, std::size_t size, PngKind kind, int width, int height,

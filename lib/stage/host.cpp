@@ -16,6 +16,7 @@ namespace weft::stage {
 namespace {
 // How long the receive thread waits for a message before it looks whether it should stop.
 constexpr std::int64_t kReceiveWait_ms = 100;
+constexpr std::chrono::milliseconds kPartPause{4};
 }  // namespace
 
 class Host::Impl {
@@ -109,7 +110,13 @@ class Host::Impl {
       outgoing = runner_.take_outgoing();
     }
     for (const auto& [answer, repeat] : outgoing) {
-      for (const Publication& message : answer->messages) send(message.channel, message.bytes);
+      const std::string* previous = nullptr;
+      for (const Publication& message : answer->messages) {
+        // Parts of one answer: their receivers get time to empty their socket buffers.
+        if (previous && *previous == message.channel) std::this_thread::sleep_for(kPartPause);
+        previous = &message.channel;
+        send(message.channel, message.bytes);
+      }
       if (!repeat) send(kTimingChannel, timing_message(identity_, *answer, now_us()));
     }
   }

@@ -1,6 +1,7 @@
 #include "stage/runner.hpp"
 
 #include <algorithm>
+#include <iterator>
 #include <limits>
 
 #include "weft/header_t.hpp"
@@ -620,14 +621,25 @@ void Runner::finish(std::unique_ptr<Job> job, std::int64_t now_us, std::int64_t 
     header.camera = job->header_.camera;
     header.session = job->header_.session;
     header.seq = job->header_.seq;
-    Publication publication{wire_channel(options_.channels, port->channel), {}};
+    const std::string channel = wire_channel(options_.channels, port->channel);
+    std::vector<Publication> publications;
     std::string problem;
     Reason reason = Reason::kTooLarge;
     try {
-      publication.bytes = port->type.encode(message.get());
-      if (publication.bytes.size() > kMaxMessageBytes) {
-        problem = "the answer takes " + std::to_string(publication.bytes.size()) +
-                  " bytes; a message holds " + std::to_string(kMaxMessageBytes);
+      publications.push_back({channel, port->type.encode(message.get())});
+      const std::size_t size = publications.front().bytes.size();
+      if (size > kMaxMessageBytes) {
+        publications.clear();
+        std::vector<std::shared_ptr<void>> parts;
+        if (port->type.split) parts = port->type.split(message.get(), kMaxMessageBytes);
+        if (parts.empty() || parts.size() > static_cast<std::size_t>(kMaxParts)) {
+          problem = "the answer takes " + std::to_string(size) + " bytes; " +
+                    (parts.empty() ? "a message holds " + std::to_string(kMaxMessageBytes)
+                                   : std::to_string(kMaxParts) + " messages hold less");
+        } else {
+          for (const auto& part : parts)
+            publications.push_back({channel, port->type.encode(part.get())});
+        }
       }
     } catch (const std::exception& e) {
       problem = std::string("cannot encode the answer: ") + e.what();
@@ -638,10 +650,10 @@ void Runner::finish(std::unique_ptr<Job> job, std::int64_t now_us, std::int64_t 
       code = status_t::FAILED;
       note(describe(job->name_) + ": " + port->channel + ": " + problem);
       const auto failed = make_outputs(job->header_, code, reason, problem);
-      publication.bytes = port->type.encode(failed[i].second.get());
+      publications = {{channel, port->type.encode(failed[i].second.get())}};
     }
     codes.push_back(code);
-    answer.messages.push_back(std::move(publication));
+    std::move(publications.begin(), publications.end(), std::back_inserter(answer.messages));
   }
   answer.status_code = overall(codes);
   deliver(std::move(answer), job->name_, std::move(job->arrived_), job->reopened_);

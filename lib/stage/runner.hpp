@@ -58,7 +58,7 @@ struct Publication {
 struct Answer {
   weft::header_t header;
   std::int8_t status_code = 0;
-  std::vector<Publication> messages;  // one for each output; several when a source sends parts
+  std::vector<Publication> messages;  // one for each output; several when it takes parts
   std::int64_t received_us = 0;       // the frame's last input
   std::int64_t started_us = 0;
   std::int64_t finished_us = 0;

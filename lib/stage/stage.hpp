@@ -42,6 +42,10 @@ enum class Reason : std::int16_t {
   kNoWords = 22,        // no grid point carries a word
   kNothingFound = 23,   // searched, nothing above the threshold
   kNotSearched = 24,    // the image-level prior ruled every part out
+  kNoPlane = 25,        // neither plane nor cylinder in the depth image
+  kNotTracked = 26,     // where the camera is is not known
+  kNoKeyFrame = 27,     // the frame does not become part of the map
+  kNothingNew = 28,     // the reader has the whole map already
 };
 
 /// Impossible content of a message that decoded: the runtime counts it and answers FAILED.
@@ -61,7 +65,7 @@ struct MessageType {
   std::function<std::shared_ptr<void>()> make;
   weft::header_t& (*header)(void* message) = nullptr;
   weft::status_t& (*status)(void* message) = nullptr;
-  /// Large inputs travel as numbered parts; null for types that do not.
+  /// Large messages travel as numbered parts; null for types that do not.
   int (*part_index)(const void* message) = nullptr;
   int (*part_count)(const void* message) = nullptr;
   /// Puts the parts, complete and in order, together as one message.

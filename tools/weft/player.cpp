@@ -7,6 +7,7 @@
 #include "base/error.hpp"
 #include "stage/channels.hpp"
 #include "tools/weft/message.hpp"
+#include "weft/map_update_t.hpp"
 
 namespace weft {
 namespace {
@@ -22,6 +23,16 @@ constexpr milliseconds kPartPause{4};
 
 bool contains(const std::vector<std::string>& list, const std::string& text) {
   return std::find(list.begin(), list.end(), text) != list.end();
+}
+
+/// Index and number of an answer's parts; of all types MAP_UPDATE's alone comes in parts.
+std::pair<std::size_t, std::size_t> part_of(const std::vector<std::uint8_t>& message) {
+  const auto update = decode_message<weft::map_update_t>(message);
+  if (!update || update->part_count < 2 || update->part_count > stage::kMaxParts ||
+      update->part_index < 0 || update->part_index >= update->part_count)
+    return {0, 1};
+  return {static_cast<std::size_t>(update->part_index),
+          static_cast<std::size_t>(update->part_count)};
 }
 
 std::string joined(const std::vector<std::string>& list) {
@@ -197,9 +208,14 @@ void Player::take_output(BusMessage&& message) {
   const auto at = flights_.find(header->frame);
   if (at == flights_.end()) return;
   Flight& flight = at->second;
-  const auto [known, is_new] = flight.outputs.try_emplace(message.channel, std::move(message.data));
-  if (!is_new) {
-    if (known->second != message.data)
+  const auto [index_of_part, part_count] = part_of(message.data);
+  auto& parts = flight.outputs[message.channel];
+  if (parts.empty()) parts.resize(part_count);
+  auto* part = parts.size() == part_count ? &parts[index_of_part] : nullptr;
+  if (part && part->empty()) {
+    *part = std::move(message.data);
+  } else {
+    if (!part || *part != message.data)
       inconsistencies_.push_back(message.channel + " of frame " + to_string(header->frame) +
                                  " by stage " + stage->stage);
     return;
@@ -208,7 +224,7 @@ void Player::take_output(BusMessage&& message) {
   auto& pending = flight.stages[index];
   pending.answered =
       std::all_of(stage->outputs.begin(), stage->outputs.end(),
-                  [&](const std::string& output) { return flight.outputs.contains(output); });
+                  [&](const std::string& output) { return has_output(flight, output); });
   if (pending.answered) {
     if (pending.ready && pending.attempts == 0) {
       const auto took =
@@ -227,7 +243,7 @@ void Player::update_ready(Flight& flight) {
     if (pending.ready) continue;
     pending.ready = std::all_of(
         pipeline_[i].inputs.begin(), pipeline_[i].inputs.end(), [&](const std::string& input) {
-          return flight.outputs.contains(input) ||
+          return has_output(flight, input) ||
                  std::any_of(flight.source.events.begin(), flight.source.events.end(),
                              [&](const stage::LogEvent& event) { return event.channel == input; });
         });
@@ -305,8 +321,9 @@ void Player::remember_feedback(const Flight& flight) {
   auto& known = feedback_[{camera, session}];
   for (const auto& event : flight.source.events)
     if (read_back(event.channel)) known[seq].push_back({event.channel, event.data});
-  for (const auto& [channel, data] : flight.outputs)
-    if (read_back(channel)) known[seq].push_back({channel, data});
+  for (const auto& [channel, parts] : flight.outputs)
+    if (read_back(channel) && has_output(flight, channel))
+      for (const auto& data : parts) known[seq].push_back({channel, data});
   known.erase(known.begin(), known.lower_bound(seq + 1 - frames_back_));
 }
 
@@ -333,14 +350,27 @@ void Player::resend_overdue() {
 void Player::resend(Flight& flight, std::size_t stage) {
   send_feedback(flight.source.name, pipeline_[stage], true);
   for (const auto& input : pipeline_[stage].inputs) {
-    if (const auto known = flight.outputs.find(input); known != flight.outputs.end())
-      bus_.publish(input, known->second);
+    if (has_output(flight, input)) {
+      bool first = true;
+      for (const auto& data : flight.outputs.at(input)) {
+        if (!first) std::this_thread::sleep_for(kPartPause);
+        first = false;
+        bus_.publish(input, data);
+      }
+    }
     send(flight, &input, flight.stages[stage].attempts + 1);
   }
   auto& pending = flight.stages[stage];
   pending.since = Clock::now();
   ++pending.attempts;
   ++resends_;
+}
+
+bool Player::has_output(const Flight& flight, const std::string& channel) {
+  const auto found = flight.outputs.find(channel);
+  return found != flight.outputs.end() &&
+         std::none_of(found->second.begin(), found->second.end(),
+                      [](const std::vector<std::uint8_t>& part) { return part.empty(); });
 }
 
 bool Player::finished(Flight& flight) const {
@@ -356,12 +386,12 @@ PlayedFrame Player::finish(Flight&& flight) const {
   frame.source = std::move(flight.source);
   for (const auto& stage : pipeline_) {
     for (const auto& channel : stage.outputs) {
-      const auto output = flight.outputs.find(channel);
-      if (output == flight.outputs.end()) {
+      if (!has_output(flight, channel)) {
         frame.unanswered.push_back(channel);
-      } else {
-        frame.outputs.push_back({channel, std::move(output->second)});
+        continue;
       }
+      for (auto& data : flight.outputs.at(channel))
+        frame.outputs.push_back({channel, std::move(data)});
     }
     const auto timing = flight.timings.find(stage.stage);
     if (timing != flight.timings.end()) frame.timings.push_back(std::move(timing->second));

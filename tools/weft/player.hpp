@@ -40,8 +40,8 @@ struct StageChannels {
 struct PlayedFrame {
   std::size_t index = 0;
   SourceFrame source;
-  std::vector<BusMessage> outputs;            // in pipeline order, the first answer on each
-  std::vector<std::string> unanswered;        // channels without an answer
+  std::vector<BusMessage> outputs;      // in pipeline order, the first answer on each, part by part
+  std::vector<std::string> unanswered;  // channels without an answer
   std::vector<weft::stage_timing_t> timings;  // in pipeline order, at most one a stage
 };
 
@@ -86,7 +86,7 @@ class Player {
   struct Flight {
     std::size_t index = 0;
     SourceFrame source;
-    std::map<std::string, std::vector<std::uint8_t>> outputs;
+    std::map<std::string, std::vector<std::vector<std::uint8_t>>> outputs;  // by channel and part
     std::map<std::string, weft::stage_timing_t> timings;
     std::vector<Pending> stages;  // parallel to pipeline_
     std::optional<Clock::time_point> complete_since;
@@ -105,6 +105,7 @@ class Player {
   void remember_feedback(const Flight& flight);
   void resend_overdue();
   void resend(Flight& flight, std::size_t stage);
+  static bool has_output(const Flight& flight, const std::string& channel);
   bool finished(Flight& flight) const;
   PlayedFrame finish(Flight&& flight) const;
   std::chrono::milliseconds patience(std::size_t stage, int attempts) const;

@@ -7,9 +7,14 @@
 
 #include "base/hash.hpp"
 #include "fake_stage.hpp"
+#include "weft/camera_pose_t.hpp"
 #include "weft/image_prior_t.hpp"
+#include "weft/keyframe_t.hpp"
+#include "weft/map_content_t.hpp"
+#include "weft/map_update_t.hpp"
 #include "weft/part_candidates_t.hpp"
 #include "weft/part_detections_t.hpp"
+#include "weft/planes_t.hpp"
 #include "weft/stage_status_t.hpp"
 #include "weft/stage_timing_t.hpp"
 
@@ -35,20 +40,35 @@ std::int64_t now() {
 const std::map<std::string, Known>& known_types() {
   static const std::map<std::string, Known> types{
       {"camera_model_t", {now<camera_model_t>(), 0x0d804340371ff466u}},
+      {"camera_pose_t", {now<camera_pose_t>(), 0xee3b475679bc18abu}},
+      {"cylinder_segment_t", {now<cylinder_segment_t>(), 0xebb0a4ba6c8fe445u}},
+      {"features_t", {now<features_t>(), 0xff841f90eafa3389u}},
       {"foreground_t", {now<foreground_t>(), 0xb35ec6fbd1eb45d9u}},
       {"grasp_t", {now<grasp_t>(), 0x04d9318dbfb11f33u}},
       {"grasps_t", {now<grasps_t>(), 0xe863abdf0bd0053eu}},
       {"header_t", {now<header_t>(), 0xdd479d0c4ec6448fu}},
       {"image_prior_t", {now<image_prior_t>(), 0x6a8484cf19549806u}},
+      {"keyframe_t", {now<keyframe_t>(), 0x01b01df59833eac1u}},
+      {"map_content_t", {now<map_content_t>(), 0x036d4974e9113bddu}},
+      {"map_key_frame_change_t", {now<map_key_frame_change_t>(), 0xb5ef0d4942e146e3u}},
+      {"map_key_frame_t", {now<map_key_frame_t>(), 0x4fa4c0c8a06b7e3au}},
+      {"map_observation_t", {now<map_observation_t>(), 0x99f4f3f9146a0e38u}},
+      {"map_plane_t", {now<map_plane_t>(), 0x18cd4c6858acf1f4u}},
+      {"map_point_t", {now<map_point_t>(), 0xa28c8523f276365bu}},
+      {"map_update_t", {now<map_update_t>(), 0x352f11829511e5a5u}},
       {"part_candidate_t", {now<part_candidate_t>(), 0xe64488e3159eb298u}},
       {"part_candidates_t", {now<part_candidates_t>(), 0x8b54f3372401477bu}},
       {"part_detection_t", {now<part_detection_t>(), 0xcacaea41cefac2b3u}},
       {"part_detections_t", {now<part_detections_t>(), 0x1985690fb6a63b4eu}},
       {"part_map_t", {now<part_map_t>(), 0xca0f1c6bc5482ae8u}},
       {"part_prior_t", {now<part_prior_t>(), 0x914a2714a116be47u}},
+      {"plane_segment_t", {now<plane_segment_t>(), 0x0901f6fde761cd91u}},
       {"plane_t", {now<plane_t>(), 0x68e2d83f10e62d8bu}},
+      {"planes_t", {now<planes_t>(), 0xca2129b90f0b0adfu}},
+      {"pose_t", {now<pose_t>(), 0x935131a40df559d9u}},
       {"probability_map_t", {now<probability_map_t>(), 0xe0c45f97f811b169u}},
       {"rgbd_frame_t", {now<rgbd_frame_t>(), 0x3195003552ca216au}},
+      {"sightings_t", {now<sightings_t>(), 0x8f2393ded4b1593eu}},
       {"stage_status_t", {now<stage_status_t>(), 0xe3b8f89478512ef2u}},
       {"stage_timing_t", {now<stage_timing_t>(), 0x6186b97f76e19ff1u}},
       {"status_t", {now<status_t>(), 0xf295ebf8bbebd66bu}},
@@ -146,6 +166,57 @@ TEST(MessageTypes, DecodersCheckEveryCount) {
   grasps.grasps.resize(2);
   grasps.grasp_count = 2;
   damage(grasps);
+  auto planes = stage::fake::message<planes_t>(header);
+  planes.planes.resize(1);
+  planes.plane_count = 1;
+  planes.planes[0].points_camera_m = {1.0f, 2.0f, 3.0f};
+  planes.planes[0].coordinate_count = 3;
+  planes.cylinders.resize(1);
+  planes.cylinder_count = 1;
+  planes.labels = {1, 2};
+  planes.label_size = 2;
+  damage(planes);
+  damage(stage::fake::message<camera_pose_t>(header));
+  features_t features{};
+  features.count = 1;
+  features.u_px = features.v_px = features.depth_m = features.angle_deg = {1.0f};
+  features.level = {1};
+  features.descriptors.resize(32);
+  features.descriptor_size = 32;
+  auto key_frame = stage::fake::message<keyframe_t>(header);
+  key_frame.features = features;
+  key_frame.points = {1};
+  key_frame.point_count = 1;
+  key_frame.planes.resize(1);
+  key_frame.plane_ids = {1};
+  key_frame.plane_count = 1;
+  key_frame.seen_points.ids = {1};
+  key_frame.seen_points.visible = key_frame.seen_points.found = {2};
+  key_frame.seen_points.sighting_count = 1;
+  damage(key_frame);
+  auto update = stage::fake::message<map_update_t>(header);
+  update.data = {1, 2, 3};
+  update.data_size = 3;
+  damage(update);
+  map_content_t content{};
+  content.new_key_frames.resize(1);
+  content.new_key_frame_count = 1;
+  content.new_key_frames[0].features = features;
+  content.new_key_frames[0].loop_partners = {1};
+  content.new_key_frames[0].loop_partner_count = 1;
+  content.changes.resize(1);
+  content.change_count = 1;
+  content.points.resize(1);
+  content.point_count = 1;
+  content.points[0].observations.resize(1);
+  content.points[0].observation_count = 1;
+  content.planes.resize(1);
+  content.plane_count = 1;
+  content.planes[0].cloud_world_m = {1.0f};
+  content.planes[0].coordinate_count = 1;
+  content.removed_points = {1};
+  content.removed_point_count = 1;
+  damage(content);
   stage_status_t status{};
   status.fingerprints.resize(2);
   status.fingerprint_count = 2;

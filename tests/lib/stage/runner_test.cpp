@@ -7,6 +7,7 @@
 
 #include "driver.hpp"
 #include "fake_stage.hpp"
+#include "weft/map_update_t.hpp"
 
 namespace weft::stage {
 namespace {
@@ -480,6 +481,73 @@ TEST(Runner, AnswerThatDoesNotFitFails) {
   EXPECT_EQ(words.cell_count, 0);
   EXPECT_EQ(decode<grasps_t>(out[0].answer->messages[1].bytes).status.code, status_t::OK);
   EXPECT_EQ(out[0].answer->status_code, status_t::FAILED);
+}
+
+/// RGBD_FRAME to MAP_UPDATE of so many bytes, a type that may travel in parts.
+FakeStage large_update(std::size_t bytes) {
+  Interface interface;
+  interface.name = "map";
+  interface.inputs = {port<rgbd_frame_t>("RGBD_FRAME")};
+  interface.outputs = {port<map_update_t>("MAP_UPDATE"), port<words_t>("WORDS")};
+  return {interface, [bytes](const Inputs& in, Outputs& out) {
+            auto& update = out.at<map_update_t>("MAP_UPDATE");
+            update.map_id = 5;
+            for (std::size_t i = 0; i < bytes; ++i)
+              update.data.push_back(
+                  static_cast<std::uint8_t>(i * 7 + static_cast<std::size_t>(in.header().seq)));
+            update.data_size = static_cast<std::int32_t>(bytes);
+          }};
+}
+
+TEST(Runner, AnAnswerThatMayTravelsInParts) {
+  auto stage = large_update(400'000);
+  Driver driver(stage, {});
+  const auto out = driver.send("RGBD_FRAME", frame(header(0)));
+  ASSERT_EQ(out.size(), 1u);
+  const auto& messages = out[0].answer->messages;
+  ASSERT_EQ(messages.size(), 4u);  // three parts, and the other output
+  EXPECT_EQ(messages[3].channel, "WORDS");
+  EXPECT_EQ(out[0].answer->status_code, status_t::OK);
+
+  // What reads it gets it whole, in whatever order and how often the parts come.
+  Interface interface;
+  interface.name = "reader";
+  interface.inputs = {port<words_t>("WORDS"), port<map_update_t>("MAP_UPDATE")};
+  interface.outputs = {port<grasps_t>("GRASPS")};
+  int read = 0;
+  FakeStage reader(interface, [&](const Inputs& in, Outputs&) {
+    const auto& whole = in.get<map_update_t>("MAP_UPDATE");
+    ASSERT_EQ(whole.data.size(), 400'000u);
+    EXPECT_EQ(whole.part_count, 1);
+    EXPECT_EQ(whole.map_id, 5);
+    for (const std::size_t i : {0u, 159'999u, 160'001u, 399'999u})
+      EXPECT_EQ(whole.data[i], static_cast<std::uint8_t>(i * 7)) << i;
+    ++read;
+  });
+  Driver other(reader, {});
+  for (const std::size_t i : {2u, 3u, 0u, 0u, 1u}) {
+    EXPECT_EQ(read, 0);
+    EXPECT_LE(messages[i].bytes.size(), kMaxMessageBytes);
+    other.send_bytes(messages[i].channel, messages[i].bytes);
+  }
+  EXPECT_EQ(read, 1);
+
+  // A repeated input gets all parts again.
+  driver.send("RGBD_FRAME", frame(header(0)));
+  const auto again = driver.wait(1'000'000);
+  const auto repeat = again.empty() ? out : again;
+  EXPECT_EQ(repeat[0].answer->messages.size(), 4u);
+}
+
+TEST(Runner, EvenPartsHaveAnEnd) {
+  auto stage = large_update(kMaxMessageBytes * (kMaxParts + 1));
+  Driver driver(stage, {});
+  const auto out = driver.send("RGBD_FRAME", frame(header(0)));
+  const auto update = decode<map_update_t>(out.at(0).answer->messages.at(0).bytes);
+  EXPECT_EQ(update.status.code, status_t::FAILED);
+  EXPECT_EQ(update.status.reason, static_cast<int>(Reason::kTooLarge));
+  EXPECT_EQ(update.part_count, 1);
+  EXPECT_EQ(out[0].answer->messages.size(), 2u);
 }
 
 TEST(Runner, CountsGapsAndTakesBackLateComers) {

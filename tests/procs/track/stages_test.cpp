@@ -1,0 +1,241 @@
+// weft-planes, weft-track and weft-map together, under their real runners.
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <map>
+
+#include "base/error.hpp"
+#include "messages/map.hpp"
+#include "messages/planes.hpp"
+#include "messages/rgbd.hpp"
+#include "procs/map/stage.hpp"
+#include "procs/planes/stage.hpp"
+#include "procs/track/stage.hpp"
+#include "stage/in_process.hpp"
+#include "support/textured_room.hpp"
+
+namespace weft {
+namespace {
+
+using Bytes = std::vector<std::uint8_t>;
+
+template <class Message>
+Message decode(const Bytes& bytes) {
+  Message message{};
+  EXPECT_EQ(message.decode(bytes.data(), 0, static_cast<int>(bytes.size())),
+            static_cast<int>(bytes.size()));
+  return message;
+}
+
+Settings settings(const std::string& text) { return Settings::from_text(text, "test"); }
+
+/// Frames of the room, every third of 30 a second, rendered once.
+const std::vector<Bytes>& frames() {
+  static const std::vector<Bytes> all = [] {
+    std::vector<Bytes> out;
+    const test::TexturedRoom room;
+    for (int i = 0; i < 14; ++i) {
+      rgbd_frame_t message{};
+      messages::to_message(room.render(test::TexturedRoom::path(0.1 * i)), {}, message);
+      message.header = {};
+      message.header.camera = "camera";
+      message.header.session = 3;
+      message.header.seq = i;
+      message.header.utime = 1'000'000 + 100'000 * i;
+      Bytes bytes(static_cast<std::size_t>(message.getEncodedSize()));
+      message.encode(bytes.data(), 0, static_cast<int>(bytes.size()));
+      out.push_back(std::move(bytes));
+    }
+    return out;
+  }();
+  return all;
+}
+
+struct Play {
+  explicit Play(const std::string& track = "", const std::string& mapper = "")
+      : track_settings("vocabulary: ''\n" + track), map_settings("vocabulary: ''\n" + mapper) {
+    set.add(planes_process::make_stage(settings("")), "planes");
+    tracker = track_process::make_stage(settings(track_settings));
+    set.add(tracker, "track");
+    set.add(map_process::make_stage(settings(map_settings)), "map");
+    set.observe([this](const std::string& channel, const Bytes& bytes) {
+      if (channel == "STAGE_TIMING" || channel == "STAGE_STATUS") return;
+      said.emplace_back(channel, bytes);
+      if (channel == "CAMERA_POSE") poses.push_back(decode<camera_pose_t>(bytes));
+      if (channel == "KEYFRAME") key_frames.push_back(decode<keyframe_t>(bytes));
+      if (channel == "MAP_UPDATE") updates.push_back(decode<map_update_t>(bytes));
+    });
+  }
+  void play(std::size_t first, std::size_t last) {
+    for (std::size_t i = first; i < last; ++i) {
+      set.inject("RGBD_FRAME", frames()[i]);
+      set.run();
+    }
+  }
+  std::string track_settings, map_settings;
+  std::shared_ptr<stage::Stage> tracker;
+  stage::InProcess set;
+  std::vector<std::pair<std::string, Bytes>> said;
+  std::vector<camera_pose_t> poses;
+  std::vector<keyframe_t> key_frames;
+  std::vector<map_update_t> updates;  // part by part
+};
+
+double error_m(const camera_pose_t& pose) {
+  const auto truth = test::TexturedRoom::path(1e-6 * static_cast<double>(pose.header.utime) - 1.0);
+  return (messages::from_message(pose.T_world_camera, "test").translation - truth.translation)
+      .norm();
+}
+
+TEST(MapStages, FollowTheCamera) {
+  Play run;
+  run.play(0, frames().size());
+  ASSERT_EQ(run.poses.size(), frames().size());
+  ASSERT_EQ(run.key_frames.size(), frames().size());
+  EXPECT_EQ(run.key_frames[0].is_key_frame, 1);
+  for (const auto& pose : run.poses) {
+    ASSERT_EQ(int{pose.state}, int{camera_pose_t::TRACKED}) << pose.header.seq << pose.reason;
+    EXPECT_EQ(pose.header.coordinate_frame, "world");
+    EXPECT_LT(error_m(pose), 0.02) << pose.header.seq;
+    EXPECT_EQ(pose.tracker_session, 0);
+    EXPECT_EQ(pose.map_version > 0, pose.map_id != 0);
+  }
+  EXPECT_GE(run.poses.back().planes, 3);
+  // Every frame has been answered, and the newest map holds the key frames that were made.
+  int made = 0;
+  for (const auto& each : run.key_frames) made += each.is_key_frame;
+  const auto& last = run.updates.back();
+  EXPECT_EQ(last.key_frame_count, made);
+  EXPECT_GT(last.point_count, 200);
+  EXPECT_GE(last.plane_count, 3);
+  EXPECT_EQ(last.refused, "");
+}
+
+TEST(MapStages, TwoRunsSayTheSame) {
+  Play a, b;
+  a.play(0, 6);
+  b.play(0, 6);
+  ASSERT_EQ(a.said.size(), b.said.size());
+  for (std::size_t i = 0; i < a.said.size(); ++i) EXPECT_EQ(a.said[i], b.said[i]) << i;
+}
+
+TEST(MapStages, UpdatesStandForThemselvesAcrossLongerDelays) {
+  Play run("map_delay: 3\n");
+  run.play(0, frames().size());
+  for (const auto& pose : run.poses)
+    EXPECT_EQ(int{pose.state}, int{camera_pose_t::TRACKED}) << pose.header.seq << pose.reason;
+  // What was said of frame n is known at frame n + 3.
+  EXPECT_EQ(run.poses[2].map_version, 0);
+  EXPECT_GT(run.poses[3].map_version, 0);
+  for (const auto& update : run.updates) EXPECT_EQ(update.refused, "") << update.header.seq;
+  EXPECT_LT(error_m(run.poses.back()), 0.02);
+}
+
+/// Runs each stage by hand, so that one can be exchanged on the way.
+struct ByHand {
+  std::shared_ptr<stage::Stage> planes = planes_process::make_stage(settings(""));
+  std::shared_ptr<stage::Stage> tracker = make_tracker();
+  std::shared_ptr<stage::Stage> mapper = make_mapper();
+  camera_pose_t pose;
+  keyframe_t key_frame;
+  map_update_t map_update;
+
+  static std::shared_ptr<stage::Stage> make_tracker() {
+    return track_process::make_stage(settings("vocabulary: ''\n"));
+  }
+  static std::shared_ptr<stage::Stage> make_mapper() {
+    return map_process::make_stage(settings("vocabulary: ''\n"));
+  }
+  template <class Message>
+  static std::shared_ptr<Message> share(const Message& message) {
+    return std::make_shared<Message>(message);
+  }
+  void play(std::size_t index) {
+    const auto rgbd = share(decode<rgbd_frame_t>(frames()[index]));
+    const header_t header = rgbd->header;
+    const auto run = [&](stage::Stage& stage, const std::vector<std::shared_ptr<void>>& given,
+                         std::vector<std::shared_ptr<void>> filled) {
+      const auto& interface = stage.interface();
+      std::vector<std::pair<const stage::Port*, std::shared_ptr<void>>> in, out;
+      for (std::size_t i = 0; i < given.size(); ++i)
+        in.emplace_back(&interface.inputs[i], given[i]);
+      for (std::size_t i = 0; i < filled.size(); ++i) {
+        interface.outputs[i].type.header(filled[i].get()) = header;
+        out.emplace_back(&interface.outputs[i], filled[i]);
+      }
+      stage::Outputs outputs(out);
+      stage.process(stage::Inputs(header, in), outputs);
+    };
+    const auto found = share(planes_t{});
+    run(*planes, {rgbd}, {found});
+    const auto said_pose = share(camera_pose_t{});
+    const auto said_key_frame = share(keyframe_t{});
+    run(*tracker, {rgbd, found, last_update}, {said_pose, said_key_frame});
+    const auto said_update = share(map_update_t{});
+    run(*mapper, {said_key_frame}, {said_update});
+    last_update = said_update;
+    pose = *said_pose;
+    key_frame = *said_key_frame;
+    map_update = *said_update;
+  }
+  std::shared_ptr<map_update_t> last_update;
+};
+
+TEST(MapStages, ARestartedTrackerGetsTheWholeMapAndGoesOnInIt) {
+  ByHand run;
+  for (std::size_t i = 0; i < 4; ++i) run.play(i);
+  const auto map_id = run.pose.map_id;
+  ASSERT_NE(map_id, 0);
+  run.tracker = ByHand::make_tracker();
+  run.play(4);
+  // It has seen that there is a map, and begins none of its own.
+  EXPECT_EQ(int{run.pose.state}, int{camera_pose_t::NOT_STARTED});
+  EXPECT_EQ(run.pose.tracker_session, 4);
+  EXPECT_EQ(run.key_frame.map_id, 0);
+  EXPECT_EQ(run.map_update.from_version, 0);
+  run.play(5);
+  EXPECT_EQ(int{run.pose.state}, int{camera_pose_t::TRACKED}) << run.pose.reason;
+  EXPECT_EQ(run.pose.map_id, map_id);
+  EXPECT_LT(error_m(run.pose), 0.02);
+}
+
+TEST(MapStages, ARestartedMapperBeginsAnewAndSoDoesTheTracker) {
+  ByHand run;
+  for (std::size_t i = 0; i < 4; ++i) run.play(i);
+  const auto old = run.pose.map_id;
+  run.mapper = ByHand::make_mapper();
+  run.play(4);
+  EXPECT_NE(run.map_update.map_id, old);
+  EXPECT_EQ(run.map_update.to_version, 0);
+  run.play(5);  // begins a map
+  EXPECT_EQ(run.key_frame.is_key_frame, 1);
+  EXPECT_EQ(run.key_frame.pose_version, 0);
+  EXPECT_EQ(run.map_update.to_version, 1);
+  run.play(6);
+  EXPECT_EQ(int{run.pose.state}, int{camera_pose_t::TRACKED}) << run.pose.reason;
+  EXPECT_EQ(run.pose.map_id, run.map_update.map_id);
+  EXPECT_NE(run.pose.map_id, old);
+}
+
+TEST(MapStages, AMissedUpdateIsInTheNext) {
+  ByHand run;
+  for (std::size_t i = 0; i < 3; ++i) run.play(i);
+  run.last_update = nullptr;
+  run.play(3);
+  run.last_update = nullptr;
+  run.play(4);
+  run.play(5);
+  EXPECT_EQ(int{run.pose.state}, int{camera_pose_t::TRACKED}) << run.pose.reason;
+  EXPECT_EQ(run.pose.map_version, run.map_update.from_version);
+}
+
+TEST(MapStages, SettingsThatCannotBeAreRefused) {
+  EXPECT_THROW(track_process::make_stage(settings("vocabulary: ''\nfeatures: {features: 5000}")),
+               Error);
+  EXPECT_THROW(track_process::make_stage(settings("vocabulary: none.blob")), Error);
+  EXPECT_THROW(track_process::make_stage(settings("vocabulary: ''\nmap_delay: 0")), Error);
+  EXPECT_THROW(map_process::make_stage(settings("vocabulary: none.blob")), Error);
+}
+
+}  // namespace
+}  // namespace weft
