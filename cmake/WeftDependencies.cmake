@@ -7,6 +7,7 @@ add_library(spectra::spectra INTERFACE IMPORTED)
 set_target_properties(spectra::spectra PROPERTIES INTERFACE_INCLUDE_DIRECTORIES ${SPECTRA_INCLUDE_DIR})
 find_package(Ceres REQUIRED)
 find_package(yaml-cpp REQUIRED)
+find_package(ZLIB REQUIRED)
 find_package(nlohmann_json REQUIRED)
 find_package(CLI11 REQUIRED)
 find_package(spdlog REQUIRED)
@@ -14,8 +15,9 @@ find_package(OpenCV REQUIRED COMPONENTS core imgproc imgcodecs features2d)
 if(WEFT_BUILD_TESTS)
   find_package(GTest REQUIRED)
   find_package(benchmark REQUIRED)
-  # Peer of the normals and of FPFH in tests and benchmarks.
+  # Peers in tests and benchmarks: of the normals and FPFH, of the plane extraction.
   pkg_check_modules(PCL_FEATURES REQUIRED IMPORTED_TARGET pcl_features pcl_search)
+  pkg_check_modules(PCL_SEGMENTATION REQUIRED IMPORTED_TARGET pcl_segmentation)
   # Peer of the dense SIFT in tests and benchmarks; without it those are skipped by name.
   find_path(VLFEAT_INCLUDE_DIR vl/dsift.h)
   find_library(VLFEAT_LIBRARY vl)
