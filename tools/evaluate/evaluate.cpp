@@ -13,6 +13,7 @@
 #include "base/text_file.hpp"
 #include "dataset/augment.hpp"
 #include "evaluate/judge.hpp"
+#include "evaluate/planes.hpp"
 #include "evaluate/trajectory.hpp"
 #include "evaluation/part_picture.hpp"
 #include "evaluation/part_report.hpp"
@@ -138,6 +139,10 @@ int run_evaluate(int argc, char** argv) {
   auto* trajectory_app = app.add_subcommand(
       "trajectory", "absolute and relative errors of a camera path against the truth");
   add_options(*trajectory_app, trajectory);
+  PlanesCommand planes;
+  auto* planes_app =
+      app.add_subcommand("planes", "extracted planes against depth images with labelled ones");
+  add_options(*planes_app, planes);
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
@@ -145,6 +150,7 @@ int run_evaluate(int argc, char** argv) {
   }
   try {
     if (trajectory_app->parsed()) return evaluate_trajectory_command(trajectory);
+    if (planes_app->parsed()) return evaluate_planes_command(planes);
     return evaluate_parts(command);
   } catch (const std::exception& error) {
     std::fprintf(stderr, "weft evaluate: %s\n", error.what());

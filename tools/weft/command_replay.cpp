@@ -189,37 +189,46 @@ int demo_command(const DemoCommand& command, const StageRegistry& registry) {
   std::map<std::string, std::size_t> by_part;
   std::string lines;
   std::vector<std::pair<PlayedFrame, FrameContent>> shown;  // drawn when the clock has stopped
-  const auto result =
-      replay(set, transport, registry, options,
-             [&](const PlayedFrame& frame, const FrameContent& content) {
-               std::vector<std::pair<std::string, int>> parts;  // best first, and how often
-               std::map<std::string, double> best;
-               std::string guess;
-               if (content.detections) {
-                 for (const auto& each : content.detections->detections) {
-                   if (guess.empty()) guess = fmt::format("{} {:.2f}", each.part, each.probability);
-                   if (each.probability < command.threshold) continue;
-                   ++detections;
-                   ++by_part[each.part];
-                   const auto [at, is_new] = best.emplace(each.part, each.probability);
-                   at->second = std::max(at->second, each.probability);
-                   if (is_new) parts.emplace_back(each.part, 0);
-                   for (auto& part : parts) part.second += part.first == each.part;
-                 }
-               }
-               std::string found;
-               for (const auto& [part, count] : parts) {
-                 found += fmt::format("{}{} {:.2f}", found.empty() ? "" : ", ", part, best[part]);
-                 if (count > 1) found += fmt::format(" (and {} more)", count - 1);
-               }
-               if (frame.source.pass > 0) return;  // the same pictures again
-               shown.emplace_back(frame, content);
-               if (found.empty() && !content.problems.empty()) found = content.problems.front();
-               if (found.empty())
-                 found = guess.empty() ? "nothing" : fmt::format("nothing; at best {}", guess);
-               lines += fmt::format("  {:>4}  {:<28} {}\n", frame.source.name.seq,
-                                    content.rgbd ? content.rgbd->source : "", found);
-             });
+  const auto result = replay(
+      set, transport, registry, options,
+      [&](const PlayedFrame& frame, const FrameContent& content) {
+        std::vector<std::pair<std::string, int>> parts;  // best first, and how often
+        std::map<std::string, double> best;
+        std::string guess;
+        if (content.detections) {
+          for (const auto& each : content.detections->detections) {
+            if (guess.empty()) guess = fmt::format("{} {:.2f}", each.part, each.probability);
+            if (each.probability < command.threshold) continue;
+            ++detections;
+            ++by_part[each.part];
+            const auto [at, is_new] = best.emplace(each.part, each.probability);
+            at->second = std::max(at->second, each.probability);
+            if (is_new) parts.emplace_back(each.part, 0);
+            for (auto& part : parts) part.second += part.first == each.part;
+          }
+        }
+        std::string found;
+        for (const auto& [part, count] : parts) {
+          found += fmt::format("{}{} {:.2f}", found.empty() ? "" : ", ", part, best[part]);
+          if (count > 1) found += fmt::format(" (and {} more)", count - 1);
+        }
+        if (frame.source.pass > 0) return;  // the same pictures again
+        shown.emplace_back(frame, content);
+        if (content.pose) {
+          const auto& at = content.pose->T_world_camera.translation;
+          found += fmt::format(
+              "{}{}", found.empty() ? "" : "; ",
+              content.pose->state == camera_pose_t::TRACKED
+                  ? fmt::format("camera at {:.3f} {:.3f} {:.3f} m, {} points, {} planes", at[0],
+                                at[1], at[2], content.pose->points, content.pose->planes)
+                  : "camera not tracked: " + content.pose->reason);
+        }
+        if (found.empty() && !content.problems.empty()) found = content.problems.front();
+        if (found.empty())
+          found = guess.empty() ? "nothing" : fmt::format("nothing; at best {}", guess);
+        lines += fmt::format("  {:>4}  {:<28} {}\n", frame.source.name.seq,
+                             content.rgbd ? content.rgbd->source : "", found);
+      });
   fmt::print("\nWhat was found, with probabilities of {} or more:\n{}\n", command.threshold, lines);
   for (const auto& [part, count] : by_part) fmt::print("  {:<22} {}\n", part, count);
   fmt::print("\n{}\n", to_text(result.timing));

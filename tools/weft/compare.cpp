@@ -6,6 +6,7 @@
 #include <cmath>
 #include <limits>
 #include <nlohmann/json.hpp>
+#include <numbers>
 #include <set>
 
 #include "base/error.hpp"
@@ -14,6 +15,7 @@
 #include "tools/weft/log_index.hpp"
 #include "tools/weft/message.hpp"
 #include "tools/weft/page.hpp"
+#include "weft/camera_pose_t.hpp"
 #include "weft/grasps_t.hpp"
 #include "weft/part_detections_t.hpp"
 #include "weft/stage_status_t.hpp"
@@ -131,6 +133,30 @@ void compare_grasps(const std::vector<std::uint8_t>& data_a,
       sum += std::pow(match->point_camera_m[i] - grasp.point_camera_m[i], 2);
     if (std::isfinite(sum)) shifts_mm.push_back(1000 * std::sqrt(sum));
   }
+}
+
+struct PoseShifts {
+  std::vector<double> camera_mm, turn_deg;
+};
+
+void compare_poses(const std::vector<std::uint8_t>& data_a, const std::vector<std::uint8_t>& data_b,
+                   Comparison& all, PoseShifts& shifts) {
+  const auto a = decode_message<weft::camera_pose_t>(data_a),
+             b = decode_message<weft::camera_pose_t>(data_b);
+  if (!a || !b) return;
+  const bool in_a = a->state == camera_pose_t::TRACKED, in_b = b->state == camera_pose_t::TRACKED;
+  all.poses_gained += in_b && !in_a;
+  all.poses_lost += in_a && !in_b;
+  if (!in_a || !in_b) return;
+  double squares = 0, cosine = 0;  // of half the angle between the two
+  for (int i = 0; i < 3; ++i)
+    squares += std::pow(a->T_world_camera.translation[i] - b->T_world_camera.translation[i], 2);
+  for (int i = 0; i < 4; ++i)
+    cosine += a->T_world_camera.rotation[i] * b->T_world_camera.rotation[i];
+  if (!std::isfinite(squares) || !std::isfinite(cosine)) return;
+  shifts.camera_mm.push_back(1000 * std::sqrt(squares));
+  shifts.turn_deg.push_back(2 * std::acos(std::min(1.0, std::abs(cosine))) * 180 /
+                            std::numbers::pi);
 }
 
 std::string base64(const std::uint8_t* data, std::size_t size) {
@@ -354,6 +380,7 @@ Comparison compare_logs(const std::string& log_a, const std::string& log_b,
   std::map<FrameName, std::size_t> different;
   std::set<FrameName> frames;
   std::vector<double> shifts_mm;
+  PoseShifts poses;
   const auto frame_of = [&](const LogKey& key) {
     const auto [at, is_new] = different.emplace(key.frame, all.different.size());
     if (is_new) {
@@ -385,6 +412,7 @@ Comparison compare_logs(const std::string& log_a, const std::string& log_b,
     const auto data_b = equal ? data_a : read_payload(reader_b, there);
     compare_detections(data_a, data_b, options, all, equal ? nullptr : &all.different[index]);
     compare_grasps(data_a, data_b, shifts_mm);
+    compare_poses(data_a, data_b, all, poses);
     if (equal) continue;
     const auto header_a = read_frame_header(data_a), header_b = read_frame_header(data_b);
     channel.other_status += header_a && header_b && header_a->status_code != header_b->status_code;
@@ -404,6 +432,9 @@ Comparison compare_logs(const std::string& log_a, const std::string& log_b,
   all.frames = frames.size();
   all.grasps = shifts_mm.size();
   all.grasp_shift_mm = quantiles(shifts_mm);
+  all.poses = poses.camera_mm.size();
+  all.camera_shift_mm = quantiles(poses.camera_mm);
+  all.camera_turn_deg = quantiles(poses.turn_deg);
   std::set<std::string> variants;
   all.timing_b = read_timing(file_b, suffix, {});
   if (!suffix.empty()) {
@@ -454,6 +485,12 @@ std::string channels_text(const Comparison& all) {
   if (all.grasps > 0)
     text += fmt::format("grasp points: {} in both, moved by {:.1f} mm median, {:.1f} at most\n",
                         all.grasps, all.grasp_shift_mm.p50, all.grasp_shift_mm.max);
+  if (all.poses + all.poses_gained + all.poses_lost > 0)
+    text += fmt::format(
+        "camera poses: {} tracked in both, {} gained, {} lost; moved by {:.1f} mm median, {:.1f} "
+        "at most, turned by {:.2f} deg median, {:.2f} at most\n",
+        all.poses, all.poses_gained, all.poses_lost, all.camera_shift_mm.p50,
+        all.camera_shift_mm.max, all.camera_turn_deg.p50, all.camera_turn_deg.max);
   return text;
 }
 
@@ -487,7 +524,14 @@ std::string to_json(const Comparison& all) {
                     {"corner_shift_px", all.corner_shift_px},
                     {"grasps", all.grasps},
                     {"grasp_shift_p50_mm", all.grasp_shift_mm.p50},
-                    {"grasp_shift_max_mm", all.grasp_shift_mm.max}};
+                    {"grasp_shift_max_mm", all.grasp_shift_mm.max},
+                    {"poses", all.poses},
+                    {"poses_gained", all.poses_gained},
+                    {"poses_lost", all.poses_lost},
+                    {"camera_shift_p50_mm", all.camera_shift_mm.p50},
+                    {"camera_shift_max_mm", all.camera_shift_mm.max},
+                    {"camera_turn_p50_deg", all.camera_turn_deg.p50},
+                    {"camera_turn_max_deg", all.camera_turn_deg.max}};
   json["channels"] = ordered_json::object();
   for (const auto& [name, channel] : all.channels)
     json["channels"][name] = {

@@ -59,6 +59,9 @@ struct Comparison {
   double corner_shift_px = 0;                               // largest of a kept detection's corner
   std::size_t grasps = 0;                                   // compared, of one part and detection
   Quantiles grasp_shift_mm;
+  std::size_t poses = 0;  // of frames tracked in both
+  std::size_t poses_gained = 0, poses_lost = 0;
+  Quantiles camera_shift_mm, camera_turn_deg;
   TimingReport timing_a, timing_b;
   std::optional<TruthComparison> truth;
   std::vector<std::string> damage;

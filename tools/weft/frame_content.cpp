@@ -94,6 +94,28 @@ std::string contradiction(const weft::grasps_t& grasps) {
   return "";
 }
 
+std::string contradiction(const weft::planes_t& planes) {
+  for (const auto& each : planes.planes) {
+    if (!finite(each.plane.normal, 3) || !finite(&each.plane.distance_m, 1) ||
+        each.points_camera_m.size() % 3 != 0)
+      return "plane";
+  }
+  for (const auto& each : planes.cylinders) {
+    if (!finite(each.point_camera_m, 3) || !finite(each.axis_camera, 3) ||
+        !finite(&each.radius_m, 1) || each.points_camera_m.size() % 3 != 0)
+      return "cylinder";
+  }
+  return "";
+}
+
+std::string contradiction(const weft::camera_pose_t& pose) {
+  if (pose.state < weft::camera_pose_t::NOT_STARTED || pose.state > weft::camera_pose_t::LOST)
+    return "state";
+  return finite(pose.T_world_camera.translation, 3) && finite(pose.T_world_camera.rotation, 4)
+             ? ""
+             : "pose";
+}
+
 template <class Message>
 void check(std::optional<Message>& message, const char* what, FrameContent& content) {
   if (!message) return;
@@ -142,7 +164,8 @@ FrameContent read_content(const PlayedFrame& frame) {
   for (const auto& output : frame.outputs) {
     note(output.channel, output.data);
     take(output.data, content.foreground) || take(output.data, content.maps) ||
-        take(output.data, content.detections) || take(output.data, content.grasps);
+        take(output.data, content.detections) || take(output.data, content.grasps) ||
+        take(output.data, content.planes) || take(output.data, content.pose);
   }
   for (const auto& channel : frame.unanswered) content.problems.push_back(channel + " unanswered");
   check(content.rgbd, "RGBD_FRAME", content);
@@ -150,6 +173,8 @@ FrameContent read_content(const PlayedFrame& frame) {
   check(content.maps, "PROBABILITY_MAP", content);
   check(content.detections, "PART_DETECTIONS", content);
   check(content.grasps, "GRASPS", content);
+  check(content.planes, "PLANES", content);
+  check(content.pose, "CAMERA_POSE", content);
   return content;
 }
 

@@ -5,9 +5,11 @@
 #include <vector>
 
 #include "tools/weft/player.hpp"
+#include "weft/camera_pose_t.hpp"
 #include "weft/foreground_t.hpp"
 #include "weft/grasps_t.hpp"
 #include "weft/part_detections_t.hpp"
+#include "weft/planes_t.hpp"
 #include "weft/probability_map_t.hpp"
 #include "weft/rgbd_frame_t.hpp"
 
@@ -21,6 +23,8 @@ struct FrameContent {
   std::optional<weft::probability_map_t> maps;
   std::optional<weft::part_detections_t> detections;
   std::optional<weft::grasps_t> grasps;
+  std::optional<weft::planes_t> planes;
+  std::optional<weft::camera_pose_t> pose;
   std::vector<std::string> problems;  // channels that are not OK or NOTHING, and why
   bool failed = false;                // some channel says FAILED, DROPPED or MISSING_INPUT
 };

@@ -20,7 +20,8 @@ namespace {
 const std::map<std::string, std::string> kPrograms = {
     {"capture", "turn scans or a camera into RGBD_FRAME messages or a log"},
     {"train", "models from a dataset"},
-    {"evaluate", "the tables of the papers from models"},
+    {"evaluate", "the tables of the papers from models and logs"},
+    {"export", "the map of a log as PLY, PCD, OBJ, JSON and pictures"},
     {"synth", "make synthetic scenes"},
     {"bench", "benchmarks, each with its peer in the same run"},
 };
