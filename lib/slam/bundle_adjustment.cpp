@@ -161,7 +161,9 @@ class Adjustment {
       solved.AddResidualBlock(&relative_costs_[i], nullptr, cameras_[a].data(), cameras_[b].data());
     }
 
-    // Points first: they are many and see only cameras. All else is left to the reduced system.
+    // Points first: they are many and see only cameras. All else is left to the reduced system. A
+    // group for each kind: Ceres takes a group's blocks in the order of their addresses, which for
+    // blocks of one vector is theirs, but across vectors is the heap's.
     auto ordering = std::make_shared<ceres::ParameterBlockOrdering>();
     int free_cameras = 0;
     bool free_points = false;
@@ -183,12 +185,12 @@ class Adjustment {
     for (std::size_t i = 0; i < planes_.size(); ++i) {
       if (!plane_used[i]) continue;
       solved.SetManifold(planes_[i].data(), &plane_manifold_);
-      add(planes_[i].data(), problem_.planes[i].fixed, 1);
+      add(planes_[i].data(), problem_.planes[i].fixed, 2);
     }
     for (std::size_t i = 0; i < objects_.size(); ++i) {
       if (!object_used[i]) continue;
       solved.SetManifold(objects_[i].data(), &pose_manifold_);
-      add(objects_[i].data(), problem_.objects[i].fixed, 1);
+      add(objects_[i].data(), problem_.objects[i].fixed, 3);
     }
 
     ceres::Solver::Options how;
