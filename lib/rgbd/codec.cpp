@@ -57,11 +57,10 @@ void check_png(const std::uint8_t* data, std::size_t size, PngKind kind, int wid
   const std::uint8_t* header = png_header(data, size, where);
   check_size(image_size(data, size, where), width, height, where);
   const int bits = header[8], colour_type = header[9];
-  const bool good = kind == PngKind::kColour  ? bits == 8 && colour_type == 2
-                    : kind == PngKind::kDepth ? bits == 16 && colour_type == 0
-                    : kind == PngKind::kLabels
-                        ? bits == 8 && colour_type == 0
-                        : (bits == 1 || bits == 8) && colour_type == 0;
+  const bool good = kind == PngKind::kColour   ? bits == 8 && colour_type == 2
+                    : kind == PngKind::kDepth  ? bits == 16 && colour_type == 0
+                    : kind == PngKind::kLabels ? bits == 8 && colour_type == 0
+                                               : (bits == 1 || bits == 8) && colour_type == 0;
   if (!good)
     throw Error(where + ": a PNG of colour type " + std::to_string(colour_type) + " with " +
                 std::to_string(bits) + " bits is not what was expected here");
