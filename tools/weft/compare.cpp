@@ -105,10 +105,11 @@ void compare_detections(const std::vector<std::uint8_t>& a, const std::vector<st
     const auto& match = in_a[best];
     all.probability_shift =
         std::max(all.probability_shift, std::abs(match.probability - detection.probability));
-    for (std::size_t i = 0; i < 4; ++i)
+    for (std::size_t i = 0; i < 4; ++i) {
       all.corner_shift_px =
           std::max(all.corner_shift_px, std::hypot(match.corners[i][0] - detection.corners[i][0],
                                                    match.corners[i][1] - detection.corners[i][1]));
+    }
     in_a.erase(in_a.begin() + static_cast<std::ptrdiff_t>(best));
     if (frame) frame->kept.push_back(std::move(detection));
   }
@@ -533,21 +534,23 @@ std::string to_json(const Comparison& all) {
                     {"camera_turn_p50_deg", all.camera_turn_deg.p50},
                     {"camera_turn_max_deg", all.camera_turn_deg.max}};
   json["channels"] = ordered_json::object();
-  for (const auto& [name, channel] : all.channels)
+  for (const auto& [name, channel] : all.channels) {
     json["channels"][name] = {
         {"type", channel.type},           {"equal", channel.equal},
         {"different", channel.different}, {"only_a", channel.only_a},
         {"only_b", channel.only_b},       {"other_status", channel.other_status},
         {"fields", channel.fields}};
+  }
   json["parts"] = ordered_json::object();
   for (const auto& [part, count] : all.parts)
     json["parts"][part] = {{"kept", count[0]}, {"gained", count[1]}, {"lost", count[2]}};
   json["different"] = ordered_json::array();
-  for (const auto& each : all.different)
+  for (const auto& each : all.different) {
     json["different"].push_back({{"frame", to_string(each.frame)},
                                  {"channels", each.channels},
                                  {"gained", each.gained.size()},
                                  {"lost", each.lost.size()}});
+  }
   for (const auto* side : {"a", "b"}) {
     const auto& report = *side == 'a' ? all.timing_a : all.timing_b;
     const auto timing = ordered_json::parse(to_json(report));
