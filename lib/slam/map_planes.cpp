@@ -69,20 +69,21 @@ PlaneMapper::PlaneMapper(const PlaneMappingOptions& options) : options_(options)
 /// Two segments of one picture: neither the pose nor the sensor's depth scale tells them apart, so
 /// their own scatter and small floors do.
 bool PlaneMapper::are_one(const plane::PlaneSegment& a, const plane::PlaneSegment& b) const {
-  const PlaneNoise noise{options_.same_frame_tilt_deg, options_.same_frame_distance_m};
   if (a.plane.normal.dot(b.plane.normal) <= 0.0) return false;
-  // Where each is seen, not where its plane goes on to.
-  const auto height = [](const plane::PlaneSegment& of, const plane::PlaneSegment& over) {
-    double sum = 0.0;
-    for (const auto& point : of.points_camera) sum += over.plane.height_m(point.cast<double>());
-    return of.points_camera.empty() ? 0.0 : sum / static_cast<double>(of.points_camera.size());
-  };
-  const double floor = 3.0 * std::numbers::sqrt2 * options_.same_frame_distance_m;
   const auto& [small, large] = a.cells < b.cells ? std::tie(a, b) : std::tie(b, a);
-  if (std::abs(height(small, large)) > floor) return false;
-  return plane_distance({a.plane.normal, a.plane.distance_m, false},
-                        with_floors(a.covariance, noise), observe(b), Rigid3d{}, Matrix6d::Zero(),
-                        noise) <= chi_squared_95(3);
+  // Compared where the smaller is seen, not where its plane goes on to.
+  Eigen::Vector3d centre = small.plane.distance_m * small.plane.normal;
+  if (!small.points_camera.empty()) {
+    centre.setZero();
+    for (const auto& point : small.points_camera) centre += point.cast<double>();
+    centre /= static_cast<double>(small.points_camera.size());
+  }
+  const double floor_m = options_.same_frame_distance_m * std::max(1.0, centre.z() * centre.z());
+  if (std::abs(large.plane.height_m(centre)) > 3.0 * std::numbers::sqrt2 * floor_m) return false;
+  const PlaneNoise noise{options_.same_frame_tilt_deg, std::min(floor_m, 0.2)};
+  return plane_distance({small.plane.normal, small.plane.distance_m, false},
+                        with_floors(small.covariance, noise), observe(large), Rigid3d{},
+                        Matrix6d::Zero(), noise) <= chi_squared_95(3);
 }
 
 bool PlaneMapper::associate(MapEditor& editor, Id key_frame_id,
@@ -117,7 +118,9 @@ bool PlaneMapper::associate(MapEditor& editor, Id key_frame_id,
   bool new_ones = false;
   for (std::size_t s = 0; s < segments.size(); ++s) {
     for (std::size_t other = 0; other < segments.size() && plane_of[s] == kNoId; ++other) {
-      if (plane_of[other] != kNoId && are_one(segments[s], segments[other]))
+      if (plane_of[other] != kNoId && are_one(segments[s], segments[other]) &&
+          near(segments[s].points_camera,
+               voxels_of(segments[other].points_camera, options_.max_gap_m), options_.max_gap_m))
         plane_of[s] = plane_of[other];
     }
     if (plane_of[s] == kNoId) {

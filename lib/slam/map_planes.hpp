@@ -21,7 +21,7 @@ struct PlaneMappingOptions {
   int confirm_sightings = 3;
   int give_up_key_frames = 10;
   double same_frame_tilt_deg = 1.0;
-  double same_frame_distance_m = 0.006;
+  double same_frame_distance_m = 0.004;
 
   void visit(OptionVisitor& v) {
     v.group("match", match);
@@ -39,9 +39,11 @@ struct PlaneMappingOptions {
             "a plane that is not believed so many key frames after it came goes");
     v.field("same_frame_tilt_deg", same_frame_tilt_deg, {0.0, 10.0}, "deg",
             "floor of the tilt between two segments of one picture that are one plane ...");
-    v.field("same_frame_distance_m", same_frame_distance_m, {0.0, 0.1}, "m",
-            "... and of their distance: less than the sensor's own, whose warps two surfaces side "
-            "by side share. What differs by more is two planes: cloth folded on a table");
+    v.field(
+        "same_frame_distance_m", same_frame_distance_m, {0.0, 0.1}, "m",
+        "... and of their distance at 1 m, growing with the depth squared: less than the "
+        "sensor's own, whose warps two surfaces side by side share. What differs by more is two "
+        "planes: cloth folded on a table");
   }
   void validate() const { validate_fields(*this, "PlaneMappingOptions"); }
 };
@@ -52,7 +54,7 @@ class PlaneMapper {
 
   /// Says for each plane segment of the key frame which plane of the map it is: the assignment of
   /// least total chi-squared distance to the planes near it, then further segments in one plane
-  /// with one that was assigned; what is left becomes new planes. Returns whether there are new
+  /// with one beside them that was assigned; what is left becomes new planes. Returns whether there are new
   /// ones. pose_covariance: of the key frame's pose.
   bool associate(MapEditor& editor, Id key_frame, const Matrix6d& pose_covariance) const;
   /// Adds sightings in the frames since the last key frame, believes planes seen often enough,

@@ -56,6 +56,18 @@ class Mapper::Impl {
     if (vocabulary) loops_.emplace(options.loops, options.points.noise, std::move(vocabulary));
   }
 
+  void go_on(SavedMap saved) {
+    editor_ = MapEditor(std::move(saved.map), saved.next);
+    points_.set_young(std::move(saved.young_points));
+    frame_ = saved.frame;
+    utime_ = saved.utime;
+    if (loops_)
+      for (const auto& [id, key_frame] : editor_.map().key_frames) loops_->add(key_frame);
+  }
+  SavedMap saved() const {
+    return {editor_.map(), editor_.next_ids(), points_.young(), frame_, utime_};
+  }
+
   MapUpdate add(const NewKeyFrame& in) {
     check(in);
     const Rigid3d T_camera_world = check_against_map(in);
@@ -322,11 +334,17 @@ class Mapper::Impl {
 
 Mapper::Mapper(const MapperOptions& options, std::shared_ptr<const BinaryVocabulary> vocabulary)
     : impl_(std::make_unique<Impl>(options, std::move(vocabulary))) {}
+Mapper::Mapper(const MapperOptions& options, std::shared_ptr<const BinaryVocabulary> vocabulary,
+               SavedMap saved)
+    : Mapper(options, std::move(vocabulary)) {
+  impl_->go_on(std::move(saved));
+}
 Mapper::~Mapper() = default;
 Mapper::Mapper(Mapper&&) noexcept = default;
 Mapper& Mapper::operator=(Mapper&&) noexcept = default;
 MapUpdate Mapper::add(const NewKeyFrame& key_frame) { return impl_->add(key_frame); }
 const Map& Mapper::map() const { return impl_->map(); }
+SavedMap Mapper::saved() const { return impl_->saved(); }
 std::int64_t Mapper::frame() const { return impl_->frame(); }
 const Mapper::Report& Mapper::report() const { return impl_->report(); }
 

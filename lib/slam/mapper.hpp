@@ -4,6 +4,7 @@
 
 #include "slam/loop_closer.hpp"
 #include "slam/map_adjustment.hpp"
+#include "slam/map_file.hpp"
 #include "slam/map_planes.hpp"
 #include "slam/map_points.hpp"
 #include "slam/pose_optimiser.hpp"
@@ -53,6 +54,12 @@ class Mapper {
  public:
   /// vocabulary: finds loops; nullptr: none are closed. Throws Error.
   Mapper(const MapperOptions& options, std::shared_ptr<const BinaryVocabulary> vocabulary);
+  /// Goes on with a saved map as if it had never stopped, but for loops that were about to be
+  /// closed. saved.frame = -1: with a new session, whose frames count from 0 again. Its tracker
+  /// needs whole_map(map(), frame()). Throws Error on a map that another editor could not have
+  /// made.
+  Mapper(const MapperOptions& options, std::shared_ptr<const BinaryVocabulary> vocabulary,
+         SavedMap saved);
   ~Mapper();
   Mapper(Mapper&&) noexcept;
   Mapper& operator=(Mapper&&) noexcept;
@@ -67,6 +74,8 @@ class Mapper {
   const Map& map() const;
   /// The last frame that is in it; -1: none.
   std::int64_t frame() const;
+
+  SavedMap saved() const;
 
   /// What add() did, for logs and tests.
   struct Report {

@@ -4,10 +4,11 @@
 #include "detector/window_scorer.hpp"
 #include "fuzz/blob.hpp"
 #include "fuzz/fuzz.hpp"
+#include "slam/map_file.hpp"
 #include "slam/vocabulary.hpp"
 #include "support/files.hpp"
 
-/// Trained models.
+/// Trained models and saved maps.
 namespace weft::fuzz {
 namespace {
 
@@ -65,6 +66,58 @@ WEFT_FUZZ_TARGET(BinaryVocabulary) {
     pictures[i % 3].push_back({i * 0x9e3779b97f4a7c15u, ~i, i << 40, i});
   return target<slam::BinaryVocabulary>(
       {slam::BinaryVocabulary::train(pictures, {.branching = 3, .levels = 2})});
+}
+
+/// Two key frames, each with features and a plane segment, that see the same points and plane.
+slam::SavedMap saved_map() {
+  slam::MapEditor editor;
+  for (int k = 0; k < 2; ++k) {
+    slam::KeyFrame key_frame;
+    key_frame.frame = 10 * k;
+    key_frame.camera = {64, 48, 50.0, 50.0, 31.5, 23.5};
+    key_frame.T_camera_world.translation.x() = 0.1 * k;
+    for (int i = 0; i < 4; ++i) {
+      slam::Feature feature;
+      feature.u_px = 10.0f * static_cast<float>(i);
+      feature.depth_m = 1.0f;
+      feature.descriptor = {1, 2, 3, static_cast<std::uint64_t>(i)};
+      key_frame.features.push_back(feature);
+    }
+    plane::PlaneSegment segment;
+    segment.plane.distance_m = -1.0;
+    segment.covariance = 1e-4 * Eigen::Matrix3d::Identity();
+    segment.points_camera = {{0, 0, 1}, {0.1f, 0, 1}};
+    key_frame.planes.push_back({segment, slam::kNoId});
+    editor.add_key_frame(key_frame);
+  }
+  editor.set_parent(1, 0);
+  editor.tie(0, 1);
+  const slam::Id plane = editor.add_plane({0, 0, -1}, -1.0);
+  editor.edit_plane(plane).cloud_world = {{0, 0, 1}};
+  for (int i = 0; i < 3; ++i) editor.add_point({0.1 * i, 0, 1}, 0);
+  for (int k = 0; k < 2; ++k) {
+    editor.observe_plane(plane, k, 0);
+    for (int i = 0; i < 3; ++i) editor.observe_point(i, k, i);
+  }
+  editor.take_update(10);
+  return {editor.map(), editor.next_ids(), {2}, 10, 333};
+}
+
+WEFT_FUZZ_TARGET(Map) {
+  return {{slam::format_map(saved_map()), slam::format_map({})},
+          [](const Bytes& bytes) {
+            const auto saved = slam::parse_map(bytes, "x");
+            const slam::MapEditor editor(saved.map, saved.next);
+            for (const auto& [id, point] : saved.map.points)
+              for (const auto& [key_frame, index] : point.observations)
+                require(
+                    editor.key_frame(key_frame).points.at(static_cast<std::size_t>(index)) == id,
+                    "a key frame does not know of a point it sees");
+            require(slam::format_map(saved) ==
+                        slam::format_map(slam::parse_map(slam::format_map(saved), "x")),
+                    "a map that was read and written is another");
+          },
+          repair_blob};
 }
 
 }  // namespace

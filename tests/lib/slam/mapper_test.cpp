@@ -124,6 +124,65 @@ TEST(Mapper, MapsARoom) {
   }
 }
 
+TEST(Mapper, FarFeaturesWithoutDepthBecomePointsByParallax) {
+  MappingWorld world(7);
+  world.add_wall({{-3, -1.3, 5}, {0, 2.6, 0}, {6, 0, 0}}, 400);  // beyond the sensor's reach
+  world.add_wall({{-1.5, 0.9, 0.5}, {3, 0, 0}, {0, 0, 1.5}}, 300);
+  world.depth_reach_m = 3.0;
+  Mapper mapper({}, nullptr);
+  TruthfulTracker tracker(world, mapper);
+  int made = 0;
+  for (int step = 0; step < 10; ++step) {
+    tracker.step(standing_at({-0.5 + 0.12 * step, 0.0, 0.0}, 0.0));
+    made += mapper.report().by_parallax;
+  }
+  EXPECT_GT(made, 50);
+  int far = 0;
+  double squared = 0.0;
+  for (const auto& [id, point] : mapper.map().points) {
+    const auto& [key_frame, index] = point.observations.front();
+    const auto at = static_cast<std::size_t>(index);
+    if (mapper.map().key_frames.at(key_frame).features[at].depth_m > 0.0f) continue;
+    if (point.observations.size() < 4) continue;
+    const auto landmark = static_cast<std::size_t>(tracker.seen_of(key_frame).landmarks[at]);
+    squared += (tracker.T_first() * world.landmarks[landmark].position_world - point.position_world)
+                   .squaredNorm();
+    ++far;
+  }
+  EXPECT_GT(far, 30);
+  EXPECT_LT(std::sqrt(squared / far), 0.15);  // at 5 m, by half a pixel over a metre
+}
+
+TEST(Mapper, RedundantKeyFramesGoButNotThoseThatBroughtAPlane) {
+  MappingWorld world(8);
+  world.add_room({0, 0, 0}, 4.0, 2.6, 300);
+  Mapper mapper({}, nullptr);
+  TruthfulTracker tracker(world, mapper);
+  int culled = 0;
+  for (int step = 0; step < 15; ++step) {
+    tracker.step(standing_at({0.01 * step, 0.0, -0.5}, 0.0));
+    culled += mapper.report().key_frames_culled;
+    ASSERT_EQ(test::inconsistency(mapper.map()), "") << step;
+    for (const auto& [id, plane] : mapper.map().planes) {
+      const Id first = plane.observations.front().key_frame;
+      EXPECT_TRUE(mapper.map().key_frames.at(first).keep);
+    }
+  }
+  EXPECT_GE(culled, 8);
+  EXPECT_TRUE(mapper.map().key_frames.contains(0));
+  // A plane that comes into view is brought by a key frame that stays, seen however often.
+  world.rectangles.push_back({{-0.3, 0.2, 0.5}, {0.6, 0, 0}, {0, 0, 0.5}});
+  Id brought = kNoId;
+  for (int step = 0; step < 12; ++step) {
+    tracker.step(standing_at({0.01 * step, 0.0, -0.5}, 0.0));
+    if (step == 0) {
+      ASSERT_TRUE(mapper.report().new_planes);
+      brought = mapper.report().key_frame;
+    }
+  }
+  EXPECT_TRUE(mapper.map().key_frames.contains(brought));
+}
+
 TEST(Mapper, RepeatsToTheBit) {
   Map maps[2];
   for (Map& map : maps) {
