@@ -19,7 +19,7 @@ void add_mapping(ChannelMap& map, const std::string& text) {
   map[text.substr(0, equals)] = text.substr(equals + 1);
 }
 
-void check_channels(const ChannelMap& map, const Interface& interface) {
+void check_channels(const ChannelMap& map, const Interface& interface, const std::string& prefix) {
   std::set<std::string> own;
   std::set<std::string> wire;
   std::string known;
@@ -28,8 +28,8 @@ void check_channels(const ChannelMap& map, const Interface& interface) {
       if (!own.insert(port.channel).second)
         throw Error("stage " + interface.name + " declares channel " + port.channel + " twice");
       const std::string name = wire_channel(map, port.channel);
-      const std::size_t most =
-          kMaxChannelName - (port.frames_back > 0 ? std::string(kNoneSuffix).size() : 0);
+      const std::size_t most = kMaxChannelName - (prefix.empty() ? 0 : prefix.size() + 1) -
+                               (port.frames_back > 0 ? std::string(kNoneSuffix).size() : 0);
       if (name.empty() || name.size() > most) {
         throw Error("channel name '" + name + "' of stage " + interface.name + " must have 1 to " +
                     std::to_string(most) + " characters");

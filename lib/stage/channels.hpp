@@ -22,7 +22,8 @@ std::string wire_channel(const ChannelMap& map, const std::string& channel);
 void add_mapping(ChannelMap& map, const std::string& text);
 
 /// Throws Error when the map names a channel the stage does not have, or makes two of its channels
-/// one, or a name on the wire is empty or longer than LCM's 63 characters.
-void check_channels(const ChannelMap& map, const Interface& interface);
+/// one, or a name on the wire is empty or longer than LCM's 63 characters. prefix: of the LCM URL.
+void check_channels(const ChannelMap& map, const Interface& interface,
+                    const std::string& prefix = "");
 
 }  // namespace weft::stage

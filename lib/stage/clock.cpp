@@ -17,6 +17,13 @@ std::int64_t now_us() {
   return steady_us() + offset_us;
 }
 
+std::int64_t host_clock_us() {
+  using std::chrono::duration_cast;
+  return duration_cast<std::chrono::microseconds>(
+             std::chrono::system_clock::now().time_since_epoch())
+      .count();
+}
+
 std::int64_t process_cpu_us() {
   timespec time{};
   clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &time);

@@ -8,6 +8,9 @@ namespace weft::stage {
 /// plus the monotonic clock since.
 std::int64_t now_us();
 
+/// Microseconds since the epoch by the host's own clock, which may be set at any time.
+std::int64_t host_clock_us();
+
 /// CPU time of this process, all threads, microseconds.
 std::int64_t process_cpu_us();
 

@@ -22,16 +22,21 @@ constexpr std::chrono::milliseconds kPartPause{4};
 class Host::Impl {
  public:
   Impl(Stage& stage, const HostOptions& options)
-      : runner_(stage, options.runner),
+      : url_(options.url),
+        runner_(stage, options.runner),
         identity_(make_identity(stage.interface(), options.name, options.runner.channels)),
         lcm_(connect(options.url)) {
+    check_channels(options.runner.channels, stage.interface(), url_.prefix);
     publish_status(weft::stage_status_t::STARTING);
     for (const std::string& channel : runner_.channels()) {
-      auto* subscription = lcm_->subscribeFunction(channel_regex(channel), &Impl::on_message, this);
+      auto* subscription =
+          lcm_->subscribeFunction(channel_regex(url_.wire(channel)), &Impl::on_message, this);
       if (!subscription) throw Error("cannot subscribe to channel " + channel);
       // LCM would drop the newest message when 30 wait; the runner's own bounds answer for a frame.
       subscription->setQueueCapacity(0);
     }
+    lcm_->subscribeFunction(channel_regex(url_.wire(kPingChannel)), &Impl::on_ping, this)
+        ->setQueueCapacity(0);
   }
 
   void run() {
@@ -52,11 +57,21 @@ class Host::Impl {
   static void on_message(const lcm::ReceiveBuffer* buffer, const std::string& channel, Impl* self) {
     {
       const std::lock_guard lock(self->mutex_);
-      self->runner_.receive(channel, static_cast<const std::uint8_t*>(buffer->data),
-                            buffer->data_size, now_us());
+      self->runner_.receive(self->url_.local(channel),
+                            static_cast<const std::uint8_t*>(buffer->data), buffer->data_size,
+                            now_us());
     }
     self->wake_.notify_one();
     self->publish();
+  }
+
+  static void on_ping(const lcm::ReceiveBuffer* buffer, const std::string&, Impl* self) {
+    std::vector<std::uint8_t> answer;
+    {
+      const std::lock_guard lock(self->mutex_);
+      answer = self->clock_.answer(self->identity_, buffer->data, buffer->data_size, now_us());
+    }
+    if (!answer.empty()) self->send(kPongChannel, answer);
   }
 
   void receive(const std::stop_token& stop) {
@@ -122,7 +137,8 @@ class Host::Impl {
   }
 
   void send(const std::string& channel, const std::vector<std::uint8_t>& bytes) {
-    if (lcm_->publish(channel, bytes.data(), static_cast<unsigned>(bytes.size())) == 0) return;
+    if (lcm_->publish(url_.wire(channel), bytes.data(), static_cast<unsigned>(bytes.size())) == 0)
+      return;
     const std::lock_guard lock(mutex_);
     transport_error_ = "LCM cannot send on " + channel;
   }
@@ -132,6 +148,7 @@ class Host::Impl {
     {
       const std::lock_guard lock(mutex_);
       counters = runner_.counters();
+      counters.decode_failures += clock_.decode_failures();
       if (!transport_error_.empty()) counters.last_error = transport_error_;
     }
     if (counters.last_error != logged_error_) spdlog::warn("{}", counters.last_error);
@@ -139,9 +156,11 @@ class Host::Impl {
     send(kStatusChannel, status_message(identity_, counters, state, status_seq_++));
   }
 
-  std::mutex mutex_;  // guards runner_ and transport_error_
+  const LcmUrl url_;
+  std::mutex mutex_;  // guards runner_, clock_ and transport_error_
   std::condition_variable wake_;
   Runner runner_;
+  ClockAnswers clock_;
   std::string transport_error_;
   const Identity identity_;
   std::int64_t status_seq_ = 0;

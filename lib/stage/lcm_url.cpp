@@ -1,13 +1,19 @@
 #include "stage/lcm_url.hpp"
 
 #include <arpa/inet.h>
+#include <dirent.h>
+#include <linux/filter.h>
+#include <linux/if_packet.h>
+#include <spdlog/spdlog.h>
 #include <sys/socket.h>
 #include <unistd.h>
 
 #include <algorithm>
 #include <charconv>
 #include <cstdlib>
+#include <fstream>
 #include <lcm/lcm-cpp.hpp>
+#include <set>
 #include <sstream>
 
 #include "base/error.hpp"
@@ -26,7 +32,62 @@ int number(const std::string& url, const std::string& what, const std::string& t
   return value;
 }
 
+/// This process's IPv4 UDP sockets that are bound to a port.
+std::set<int> bound_sockets(int port) {
+  std::set<int> found;
+  DIR* folder = opendir("/proc/self/fd");
+  if (!folder) return found;
+  while (const dirent* entry = readdir(folder)) {
+    const int fd = std::atoi(entry->d_name);
+    sockaddr_in address{};
+    socklen_t size = sizeof address;
+    int type = 0;
+    socklen_t type_size = sizeof type;
+    if (getsockopt(fd, SOL_SOCKET, SO_TYPE, &type, &type_size) == 0 && type == SOCK_DGRAM &&
+        getsockname(fd, reinterpret_cast<sockaddr*>(&address), &size) == 0 &&
+        address.sin_family == AF_INET && ntohs(address.sin_port) == port)
+      found.insert(fd);
+  }
+  closedir(folder);
+  return found;
+}
+
+/// LCM binds to every interface and joins its group on the one that the route names: a TTL of 0
+/// keeps messages in, but those of other hosts not out. This filter of the kernel does.
+bool keep_other_hosts_out(int fd) {
+  constexpr unsigned kLoopbackInterface = 1;  // in every network namespace
+  sock_filter code[] = {
+      BPF_STMT(BPF_LD | BPF_W | BPF_ABS, static_cast<unsigned>(SKF_AD_OFF + SKF_AD_PKTTYPE)),
+      BPF_JUMP(BPF_JMP | BPF_JEQ | BPF_K, PACKET_LOOPBACK, 2, 0),  // sent from here, looped back
+      BPF_STMT(BPF_LD | BPF_W | BPF_ABS, static_cast<unsigned>(SKF_AD_OFF + SKF_AD_IFINDEX)),
+      BPF_JUMP(BPF_JMP | BPF_JEQ | BPF_K, kLoopbackInterface, 0, 1),
+      BPF_STMT(BPF_RET | BPF_K, 0xffffffffu),
+      BPF_STMT(BPF_RET | BPF_K, 0u),
+  };
+  const sock_fprog program{sizeof code / sizeof code[0], code};
+  return setsockopt(fd, SOL_SOCKET, SO_ATTACH_FILTER, &program, sizeof program) == 0;
+}
+
 }  // namespace
+
+std::string prefix_fault(const std::string& prefix) {
+  constexpr std::size_t kLongest = 24;
+  const bool plain = std::all_of(prefix.begin(), prefix.end(), [](char c) {
+    return (c >= 'A' && c <= 'Z') || (c >= 'a' && c <= 'z') || (c >= '0' && c <= '9') || c == '_' ||
+           c == '-';
+  });
+  if (plain && !prefix.empty() && prefix.size() <= kLongest) return {};
+  return "the prefix '" + prefix + "' must be 1 to " + std::to_string(kLongest) +
+         " letters, digits, _ or -";
+}
+
+std::string LcmUrl::wire(const std::string& channel) const {
+  return prefix.empty() ? channel : prefix + "/" + channel;
+}
+
+std::string LcmUrl::local(const std::string& wire_channel) const {
+  return prefix.empty() ? wire_channel : wire_channel.substr(prefix.size() + 1);
+}
 
 LcmUrl LcmUrl::parse(const std::string& given) {
   std::string url = given;
@@ -71,15 +132,23 @@ LcmUrl LcmUrl::parse(const std::string& given) {
       result.ttl = number(url, "ttl", value, 0, 255);
     } else if (key == "recv_buf_size") {
       result.recv_buf_size = number(url, "recv_buf_size", value, 4096, 1 << 30);
+    } else if (key == "prefix") {
+      if (const auto fault = prefix_fault(value); !fault.empty())
+        throw Error("LCM URL '" + url + "': " + fault);
+      result.prefix = value;
     } else {
       throw Error("LCM URL '" + url + "': unknown option '" + option +
-                  "'; known are ttl and recv_buf_size");
+                  "'; known are ttl, recv_buf_size and prefix");
     }
   }
   return result;
 }
 
 std::string LcmUrl::to_string() const {
+  return to_lcm_string() + (prefix.empty() ? "" : "&prefix=" + prefix);
+}
+
+std::string LcmUrl::to_lcm_string() const {
   if (!is_udpm()) return text;
   return "udpm://" + group + ":" + std::to_string(port) + "?ttl=" + std::to_string(ttl) +
          "&recv_buf_size=" + std::to_string(recv_buf_size);
@@ -109,10 +178,34 @@ std::string receive_buffer_warning(const LcmUrl& url, int limit) {
          setting + "; to keep it: echo " + setting + " | sudo tee /etc/sysctl.d/60-weft.conf";
 }
 
+FragmentMemory FragmentMemory::of_kernel() {
+  const auto number_in = [](const char* file) {
+    long long value = 0;
+    std::ifstream(file) >> value;
+    return value;
+  };
+  return {number_in("/proc/sys/net/ipv4/ipfrag_high_thresh"),
+          number_in("/proc/sys/net/ipv4/ipfrag_time")};
+}
+
+std::string fragment_warning(const LcmUrl& url, const FragmentMemory& memory) {
+  constexpr long long kLeast_bytes_per_s = 2'000'000;
+  if (!url.is_udpm() || url.ttl == 0 || memory.bytes >= kLeast_bytes_per_s * memory.time_s)
+    return {};
+  const std::string settings = "net.ipv4.ipfrag_time=2 net.ipv4.ipfrag_high_thresh=67108864";
+  return "the kernel keeps the pieces of messages that lost a packet for " +
+         std::to_string(memory.time_s) + " s in " + std::to_string(memory.bytes) +
+         " bytes: on a lossy network these are soon full, and this host hears nothing more of "
+         "others. Remedy: sudo sysctl -w " +
+         settings + "; to keep it: printf '%s\\n' " + settings +
+         " | sudo tee -a /etc/sysctl.d/60-weft.conf";
+}
+
 std::unique_ptr<lcm::LCM> connect(const LcmUrl& wanted) {
   LcmUrl url = wanted;
   if (url.is_udpm()) url.recv_buf_size = std::min(url.recv_buf_size, receive_buffer_limit());
-  auto lcm = std::make_unique<lcm::LCM>(url.to_string());
+  const std::set<int> sockets_before = bound_sockets(url.port);
+  auto lcm = std::make_unique<lcm::LCM>(url.to_lcm_string());
   if (!lcm->good()) {
     if (!url.is_udpm())
       throw Error("LCM URL '" + url.to_string() +
@@ -127,6 +220,16 @@ std::unique_ptr<lcm::LCM> connect(const LcmUrl& wanted) {
                 " but receives nothing back. Check the route (ip route get " + url.group +
                 "), that its interface has multicast on (ip link), and the firewall; for this "
                 "machine alone: sudo ip route replace 224.0.0.0/4 dev lo");
+  }
+  if (url.is_udpm() && url.ttl == 0) {
+    bool kept_out = false;
+    for (const int fd : bound_sockets(url.port))
+      if (!sockets_before.contains(fd)) kept_out = keep_other_hosts_out(fd);
+    if (!kept_out)
+      spdlog::warn(
+          "this kernel does not let messages of other hosts be kept out; to keep them out: sudo ip "
+          "route replace {}/32 dev lo",
+          url.group);
   }
   return lcm;
 }

@@ -1,10 +1,14 @@
 #include "stage/log.hpp"
 
+#include <spdlog/spdlog.h>
 #include <sys/stat.h>
+#include <unistd.h>
 
+#include <algorithm>
 #include <array>
 #include <cerrno>
 #include <cstring>
+#include <utility>
 
 #include "base/error.hpp"
 
@@ -202,13 +206,40 @@ void LogWriter::write(std::int64_t timestamp_us, const std::string& channel, con
   head.insert(head.end(), channel.begin(), channel.end());
   if (std::fwrite(head.data(), 1, head.size(), file_) != head.size() ||
       (size > 0 && std::fwrite(data, 1, size, file_) != size))  // data may be null without size
-    throw Error(path_ + ": cannot write: " + reason());
+    fail();
+  end_ += static_cast<std::int64_t>(head.size() + size);
+  ends_.push_back(end_);
+  constexpr std::size_t kMostUnflushed = 10'000;
+  if (ends_.size() > kMostUnflushed) flush();
+}
+
+void LogWriter::flush() {
+  if (!file_) throw Error(path_ + ": the log is closed");
+  if (std::fflush(file_) != 0) fail();
+  ends_.assign(1, end_);
+}
+
+void LogWriter::fail() {
+  const std::string why = reason();
+  std::FILE* file = std::exchange(file_, nullptr);
+  // What is in the C library's buffer will never be in the file.
+  struct stat info {};
+  const bool known = fstat(fileno(file), &info) == 0;
+  const auto after = std::upper_bound(ends_.begin(), ends_.end(), std::int64_t{info.st_size});
+  const std::int64_t whole = after == ends_.begin() ? 0 : *std::prev(after);
+  const int fd = dup(fileno(file));
+  std::fclose(file);
+  if (known && S_ISREG(info.st_mode) && (fd < 0 || ftruncate(fd, whole) != 0))
+    spdlog::warn("{}: the half event at its end stays", path_);
+  if (fd >= 0) ::close(fd);
+  throw Error(path_ + ": cannot write: " + why + "; it holds the first " + std::to_string(whole) +
+              " bytes, whole events");
 }
 
 void LogWriter::close() {
   if (!file_) return;
-  std::FILE* file = file_;
-  file_ = nullptr;
+  flush();
+  std::FILE* file = std::exchange(file_, nullptr);
   if (std::fclose(file) != 0) throw Error(path_ + ": cannot write: " + reason());
 }
 

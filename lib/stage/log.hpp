@@ -86,20 +86,28 @@ class LogWriter {
   ~LogWriter();
   LogWriter(const LogWriter&) = delete;
   LogWriter& operator=(const LogWriter&) = delete;
-  /// Throws Error on a full disk, or a channel name without 1 to 63 characters.
+  /// Throws Error on a full disk, or a channel name without 1 to 63 characters. On a full disk the
+  /// file is cut to the events that are whole in it, and closed.
   void write(std::int64_t timestamp_us, const std::string& channel, const void* data,
              std::size_t size);
   void write(std::int64_t timestamp_us, const std::string& channel,
              const std::vector<std::uint8_t>& data) {
     write(timestamp_us, channel, data.data(), data.size());
   }
+  /// Hands everything to the system, so that it can be read and a full disk is noticed now. Throws
+  /// as write() does.
+  void flush();
   /// Throws Error when the last bytes cannot be written; the destructor would say nothing.
   void close();
+  std::int64_t bytes() const { return end_; }
 
  private:
   std::string path_;
+  [[noreturn]] void fail();
   std::FILE* file_ = nullptr;
   std::int64_t number_ = 0;
+  std::int64_t end_ = 0;            // of the last event
+  std::vector<std::int64_t> ends_;  // of the events that may not be in the file yet
 };
 
 }  // namespace weft::stage

@@ -56,8 +56,10 @@ struct Common {
 
   LcmUrl connect_url() const {
     LcmUrl parsed = LcmUrl::parse(url);
-    const std::string warning = receive_buffer_warning(parsed, receive_buffer_limit());
-    if (!warning.empty()) spdlog::warn("{}", warning);
+    for (const std::string& warning : {receive_buffer_warning(parsed, receive_buffer_limit()),
+                                       fragment_warning(parsed, FragmentMemory::of_kernel())}) {
+      if (!warning.empty()) spdlog::warn("{}", warning);
+    }
     return parsed;
   }
 };

@@ -213,7 +213,7 @@ void Runner::receive(const std::string& channel, const std::uint8_t* data, std::
   frame.last_us = now_us;
   frame.bytes += size;
   held_bytes_ += size;
-  fill(name, slot, port, std::move(message));
+  fill(name, slot, port, std::move(message), size);
 
   const auto newest = newest_stream_.find(name.camera);
   const bool behind = stream.position && name.seq < *stream.position;
@@ -264,7 +264,7 @@ void Runner::receive_feedback(std::size_t port, const FrameName& name,
   at->second.bytes += size;
   feedback.bytes += size;
   if (message) {
-    fill(name, at->second.slot, port, std::move(message));
+    fill(name, at->second.slot, port, std::move(message), size);
   } else {
     at->second.slot.complete = true;
   }
@@ -366,7 +366,7 @@ void Runner::receive_repeat(Cached& cached, const FrameName& name, std::size_t p
 }
 
 void Runner::fill(const FrameName& name, Slot& slot, std::size_t port,
-                  std::shared_ptr<void> message) {
+                  std::shared_ptr<void> message, std::size_t size) {
   const Port& input = interface_.inputs[port];
   const MessageType& type = input.type;
   const auto invalid = [&](const std::string& why) {
@@ -377,6 +377,11 @@ void Runner::fill(const FrameName& name, Slot& slot, std::size_t port,
     slot.complete = true;
     note(describe(name) + ": " + slot.invalid);
   };
+  if (size > kMaxMessageBytes) {
+    invalid("a message of " + std::to_string(size) + " bytes; one holds " +
+            std::to_string(kMaxMessageBytes) + ", more travels in numbered parts");
+    return;
+  }
   const std::int8_t code = type.status(message.get()).code;
   if (code < status_t::OK || code > status_t::MISSING_INPUT) {
     invalid("status code " + std::to_string(code) + " is unknown");

@@ -190,7 +190,8 @@ class Runner {
   void receive_none(const std::string& channel, std::size_t port, const std::uint8_t* data,
                     std::size_t size, std::int64_t now_us);
   std::optional<std::shared_ptr<void>> feedback_for(std::size_t port, const FrameName& name) const;
-  void fill(const FrameName& name, Slot& slot, std::size_t port, std::shared_ptr<void> message);
+  void fill(const FrameName& name, Slot& slot, std::size_t port, std::shared_ptr<void> message,
+            std::size_t size);
   bool has_inputs(const Frame& frame) const;
   void settle(const FrameName& name, std::int64_t now_us);
   void complete(Frame frame, std::int64_t now_us);

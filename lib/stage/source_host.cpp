@@ -25,17 +25,21 @@ class SourceHost::Impl {
         runner_(source, options_.source),
         identity_(make_identity(source.interface(), options_.name, options_.source.channels)),
         lcm_(connect(options_.url)) {
+    check_channels(options_.source.channels, source.interface(), options_.url.prefix);
     publish_status(weft::stage_status_t::STARTING);
     if (options_.on_trigger) {
-      lcm_->subscribeFunction(channel_regex(kTriggerChannel), &Impl::on_trigger, this)
+      lcm_->subscribeFunction(channel_regex(options_.url.wire(kTriggerChannel)), &Impl::on_trigger,
+                              this)
           ->setQueueCapacity(0);
     }
+    lcm_->subscribeFunction(channel_regex(options_.url.wire(kPingChannel)), &Impl::on_ping, this)
+        ->setQueueCapacity(0);
   }
 
   void run() {
     std::jthread producer([this](const std::stop_token& stop) { produce(stop); });
     std::jthread receiver([this](const std::stop_token& stop) {
-      while (options_.on_trigger && !stop.stop_requested()) lcm_->handleTimeout(50);
+      while (!stop.stop_requested()) lcm_->handleTimeout(50);
     });
     run_until_stopped(stop_.get_token(), [this] { publish_status(weft::stage_status_t::RUNNING); });
     producer.request_stop();
@@ -55,6 +59,15 @@ class SourceHost::Impl {
  private:
   static void on_trigger(const lcm::ReceiveBuffer* buffer, const std::string&, Impl* self) {
     self->trigger(buffer);
+  }
+
+  static void on_ping(const lcm::ReceiveBuffer* buffer, const std::string&, Impl* self) {
+    std::vector<std::uint8_t> answer;
+    {
+      const std::lock_guard lock(self->mutex_);
+      answer = self->clock_.answer(self->identity_, buffer->data, buffer->data_size, now_us());
+    }
+    if (!answer.empty()) self->send(kPongChannel, answer);
   }
 
   void trigger(const lcm::ReceiveBuffer* buffer) {
@@ -122,7 +135,9 @@ class SourceHost::Impl {
   }
 
   void send(const std::string& channel, const std::vector<std::uint8_t>& bytes) {
-    if (lcm_->publish(channel, bytes.data(), static_cast<unsigned>(bytes.size())) == 0) return;
+    if (lcm_->publish(options_.url.wire(channel), bytes.data(),
+                      static_cast<unsigned>(bytes.size())) == 0)
+      return;
     const std::lock_guard lock(mutex_);
     transport_error_ = "LCM cannot send on " + channel;
   }
@@ -133,7 +148,7 @@ class SourceHost::Impl {
       const std::lock_guard lock(mutex_);
       counters = counters_;
       counters.repeats = trigger_repeats_;
-      counters.decode_failures = trigger_failures_;
+      counters.decode_failures = trigger_failures_ + clock_.decode_failures();
       if (!transport_error_.empty()) counters.last_error = transport_error_;
     }
     send(kStatusChannel, status_message(identity_, counters, state, status_seq_++));
@@ -145,6 +160,7 @@ class SourceHost::Impl {
   std::mutex mutex_;  // guards what follows, up to the stop source
   std::condition_variable_any wake_;
   Counters counters_;
+  ClockAnswers clock_;
   std::string transport_error_;
   std::int64_t triggers_ = 0;
   std::int64_t trigger_repeats_ = 0;

@@ -6,8 +6,10 @@
 #include <csignal>
 #include <cstdio>
 #include <ctime>
+#include <utility>
 
 #include "stage/clock.hpp"
+#include "weft/clock_pong_t.hpp"
 #include "weft/stage_status_t.hpp"
 #include "weft/stage_timing_t.hpp"
 
@@ -109,6 +111,27 @@ std::vector<std::uint8_t> status_message(const Identity& identity, const Counter
   status.fingerprint_count = static_cast<std::int32_t>(identity.fingerprints.size());
   status.fingerprints = identity.fingerprints;
   return encoded(status);
+}
+
+std::vector<std::uint8_t> ClockAnswers::answer(const Identity& identity, const void* data,
+                                               std::size_t size, std::int64_t received_us) {
+  weft::clock_pong_t pong{};
+  const int bytes = static_cast<int>(std::min<std::size_t>(size, kMaxMessageBytes));
+  if (pong.header.decode(data, 0, bytes) != static_cast<int>(size) ||
+      pong.header.camera.size() > kMaxNameLength ||
+      pong.header.coordinate_frame.size() > kMaxNameLength) {
+    ++decode_failures_;
+    return {};
+  }
+  if (std::exchange(second_, received_us / 1'000'000) != received_us / 1'000'000) in_second_ = 0;
+  if (++in_second_ > kMostASecond) return {};
+  pong.stage = identity.stage;
+  pong.host = identity.host;
+  pong.pid = identity.pid;
+  pong.received_utime = received_us;
+  pong.set_by_us = host_clock_us() - now_us();
+  pong.answered_utime = now_us();
+  return encoded(pong);
 }
 
 namespace {

@@ -42,6 +42,27 @@ std::vector<std::uint8_t> timing_message(const Identity& identity, const Answer&
 std::vector<std::uint8_t> status_message(const Identity& identity, const Counters& counters,
                                          std::int8_t state, std::int64_t seq);
 
+/// Clocks are compared by a message exchange: a header_t on CLOCK_PING is answered by every process
+/// with a clock_pong_t on CLOCK_PONG.
+inline constexpr const char* kPingChannel = "CLOCK_PING";
+inline constexpr const char* kPongChannel = "CLOCK_PONG";
+
+/// The answers of one process. No more than kMostASecond: a flood of questions makes no flood of
+/// answers.
+class ClockAnswers {
+ public:
+  static constexpr int kMostASecond = 50;
+  /// The encoded answer, or nothing: too many questions, or bytes that are none (counted).
+  std::vector<std::uint8_t> answer(const Identity& identity, const void* data, std::size_t size,
+                                   std::int64_t received_us);
+  std::int64_t decode_failures() const { return decode_failures_; }
+
+ private:
+  std::int64_t second_ = 0;
+  int in_second_ = 0;
+  std::int64_t decode_failures_ = 0;
+};
+
 /// Blocks SIGINT and SIGTERM in this thread and those it starts, so that run_until_stopped sees
 /// them. Call it before any thread is started.
 void block_stop_signals();

@@ -1,111 +1,351 @@
-// One set on two hosts: two network namespaces with host names of their own, joined by a cable, and
-// LCM's own lcm-logplayer and lcm-logger on them.
+// Sets on several hosts (network namespaces joined by a bridge), and several sets on one network.
 #include <gtest/gtest.h>
 #include <unistd.h>
 
+#include <csignal>
 #include <filesystem>
 #include <nlohmann/json.hpp>
 #include <set>
+#include <thread>
 
 #include "base/text_file.hpp"
+#include "integration/hosts.hpp"
+#include "integration/scenarios.hpp"
 #include "integration/test_log.hpp"
 #include "tools/weft/frame_name.hpp"
-#include "tools/weft/run_folder.hpp"
 
-namespace weft {
+namespace weft::test_hosts {
 namespace {
 
 namespace fs = std::filesystem;
+using std::chrono::milliseconds;
 
-constexpr int kFrames = 60;
+const std::string kWeft = WEFT_BINARY_DIR "/bin/weft";
 
-// Arguments: weft, the test's folder. Host host-a is this shell, host-b the namespaces of $b.
-const char* const kScript = R"(
-set -eu
-weft=$1
-cd "$2"
-hostname host-a
-unshare -n -u sh -c 'hostname host-b; exec sleep 80' & b=$!
-sleep 1
-on_b() { nsenter -t $b -n -u env WEFT_RUN_DIR="$PWD/b" "$@"; }
-on_a() { env WEFT_RUN_DIR="$PWD/a" "$@"; }
-trap 'on_b "$weft" down || true; on_a "$weft" down || true; kill $b' EXIT
-ip link add cable type veth peer name cable netns $b
-ip address add 10.9.0.1/24 dev cable
-on_b ip address add 10.9.0.2/24 dev cable
-for host in on_a on_b; do
-  $host ip link set lo up
-  $host ip link set cable up
-  $host ip route add 224.0.0.0/4 dev cable
-done
-on_a "$weft" up set.yaml
-on_b "$weft" up set.yaml
-url='udpm://239.255.76.67:7667?ttl=1&recv_buf_size=4194304'
-nsenter -t $b -n -u lcm-logger --lcm-url="$url" recorded.lcm & logger=$!
-sleep 1
-on_a lcm-logplayer --lcm-url="$url" in.lcm & player=$!
-sleep 1
-# Host b as one that runs nothing of the set.
-nsenter -t $b -n -u env WEFT_RUN_DIR="$PWD/none" "$weft" status set.yaml --listen-s 5 --json guest.json || true
-wait $player
-sleep 2
-on_a "$weft" status set.yaml --json status.json
-kill $logger
-wait $logger || true
-)";
+bool installed(const std::string& program) {
+  return run_command({"sh", "-c", "command -v " + program}).status == 0;
+}
 
-TEST(Lan, OneSetOnTwoHostsIsPlayedAndRecordedByLcmsOwnTools) {
-  if (run_command({"unshare", "-n", "-u", "true"}).status != 0 || geteuid() != 0)
-    GTEST_SKIP() << "network namespaces joined by a cable need root";
-  for (const char* program : {"supervisord", "lcm-logplayer", "lcm-logger", "nsenter", "ip"}) {
-    if (run_command({"sh", "-c", std::string("command -v ") + program}).status != 0)
-      GTEST_SKIP() << "no " << program;
+class LanTest : public testing::Test {
+ protected:
+  void SetUp() override {
+    if (const auto why = why_no_hosts(); !why.empty()) GTEST_SKIP() << why;
+    if (!installed("supervisord")) GTEST_SKIP() << "no supervisord";
+    folder_ = fs::temp_directory_path() / ("weft-lan-" + std::to_string(getpid()));
+    fs::remove_all(folder_);
+    fs::create_directories(folder_);
   }
-  const auto folder = fs::temp_directory_path() / ("weft-lan-" + std::to_string(getpid()));
-  fs::create_directories(folder);
+  void TearDown() override {
+    if (!HasFailure()) fs::remove_all(folder_);
+  }
+  std::string path(const std::string& name) const { return (folder_ / name).string(); }
+  nlohmann::json json(const std::string& name) const {
+    return nlohmann::json::parse(read_text_file(folder_ / name));
+  }
+  fs::path folder_;
+};
+
+TEST_F(LanTest, OneSetOnTwoHostsIsPlayedAndRecordedByLcmsOwnTools) {
+  for (const char* program : {"lcm-logplayer", "lcm-logger"})
+    if (!installed(program)) GTEST_SKIP() << "no " << program;
+  constexpr int kFrames = 60;
   {
-    stage::LogWriter log((folder / "in.lcm").string());
+    stage::LogWriter log(path("in.lcm"));
     for (int seq = 0; seq < kFrames; ++seq)
       log.write(1'000'000 + seq * 100'000, "RGBD_FRAME", test_stage::test_event(seq, 8'000).data);
     log.close();
   }
-  write_text_file(folder / "set.yaml",
-                  "name: lan\nlcm: {ttl: 1}\nsources: [RGBD_FRAME]\nprocesses:\n"
+  write_text_file(path("set.yaml"),
+                  "name: lan\nlan: true\nsources: [RGBD_FRAME]\nprocesses:\n"
                   "  - {name: mask, exec: weft-test-stage, with: {kind: mask}, host: host-a}\n"
                   "  - {name: words, exec: weft-test-stage, with: {kind: words}, host: host-b}\n"
                   "  - {name: parts, exec: weft-test-stage, with: {kind: parts}, host: host-a}\n");
-  write_text_file(folder / "script", kScript);
-  const auto result =
-      run_command({"timeout", "100", "unshare", "-n", "-u", "bash", (folder / "script").string(),
-                   WEFT_BINARY_DIR "/bin/weft", folder.string()});
-  ASSERT_EQ(result.status, 0) << result.output;
+  in_a_world_of_its_own([&] {
+    const Lan lan({"host-a", "host-b"}, folder_);
+    for (const char* host : {"host-a", "host-b"}) {
+      const auto up = lan.weft(host, {"up", path("set.yaml")});
+      ASSERT_EQ(up.status, 0) << up.output;
+    }
+    const std::string url = "--lcm-url=udpm://239.255.76.67:7667?ttl=1&recv_buf_size=4194304";
+    const pid_t logger =
+        lan.start("host-b", {"lcm-logger", url, path("recorded.lcm")}, path("logger.out"));
+    std::this_thread::sleep_for(milliseconds(1000));
+    const pid_t player =
+        lan.start("host-a", {"lcm-logplayer", url, path("in.lcm")}, path("player.out"));
+    std::this_thread::sleep_for(milliseconds(1000));
+    // The switch is a host that runs nothing of the set.
+    lan.weft("", {"status", path("set.yaml"), "--listen-s", "5", "--json", path("guest.json")});
+    int status = 0;
+    waitpid(player, &status, 0);
+    std::this_thread::sleep_for(milliseconds(2500));
+    const auto told =
+        lan.weft("host-a", {"status", path("set.yaml"), "--json", path("status.json")});
+    stop_process(logger);
 
-  const auto guest = nlohmann::json::parse(read_text_file(folder / "guest.json"))["elsewhere"];
-  for (const char* stage : {"mask", "words", "parts"}) {
-    ASSERT_TRUE(guest.contains(stage)) << result.output;
-    EXPECT_GT(guest[stage]["p95_ms"], 0.0);
-    EXPECT_GT(guest[stage]["frames_per_second"], 0.0);
-  }
-  EXPECT_EQ(guest["mask"]["host"], "host-a");
-  EXPECT_EQ(guest["words"]["host"], "host-b");
-  const auto status = nlohmann::json::parse(read_text_file(folder / "status.json"));
-  EXPECT_TRUE(status["processes"].contains("mask"));
-  EXPECT_EQ(status["elsewhere"]["words"]["host"], "host-b");
+    const auto guest = json("guest.json")["elsewhere"];
+    for (const char* stage : {"mask", "words", "parts"}) {
+      ASSERT_TRUE(guest.contains(stage)) << told.output;
+      EXPECT_GT(guest[stage]["p95_ms"], 0.0);
+      EXPECT_GT(guest[stage]["frames_per_second"], 0.0);
+    }
+    EXPECT_EQ(guest["mask"]["host"], "host-a");
+    EXPECT_EQ(guest["words"]["host"], "host-b");
+    const auto everyone = json("status.json");
+    EXPECT_TRUE(everyone["processes"].contains("mask"));
+    EXPECT_EQ(everyone["elsewhere"]["words"]["host"], "host-b");
+    // Nothing is lost in silence: a frame has its answer, whatever it is, or is a gap.
+    const auto& parts = everyone["processes"]["parts"];
+    const int said = parts["frames_out"].get<int>() + parts["frames_dropped"].get<int>() +
+                     parts["frames_failed"].get<int>() + parts["frames_missing_input"].get<int>();
+    EXPECT_EQ(said + parts["gaps"].get<int>(), kFrames) << told.output;
+    std::set<std::int64_t> recorded;
+    stage::LogReader log(path("recorded.lcm"));
+    for (stage::LogEvent event; log.next(event);) {
+      if (event.channel != "PART_DETECTIONS") continue;
+      if (const auto header = read_frame_header(event.data)) recorded.insert(header->frame.seq);
+    }
+    EXPECT_GE(static_cast<int>(recorded.size()), kFrames * 9 / 10) << told.output;
+  });
+}
 
-  // Nothing is lost in silence: a frame has its answer, whatever it is, or is a gap.
-  const auto& parts = status["processes"]["parts"];
-  const int said = parts["frames_out"].get<int>() + parts["frames_dropped"].get<int>() +
-                   parts["frames_failed"].get<int>() + parts["frames_missing_input"].get<int>();
-  EXPECT_EQ(said + parts["gaps"].get<int>(), kFrames) << result.output;
-  std::set<std::int64_t> recorded;
-  stage::LogReader log((folder / "recorded.lcm").string());
-  for (stage::LogEvent event; log.next(event);) {
-    if (event.channel != "PART_DETECTIONS") continue;
-    if (const auto header = read_frame_header(event.data)) recorded.insert(header->frame.seq);
+TEST_F(LanTest, ThreeHundredFramesArriveCompleteOnThreeHosts) {
+  three_hosts(small_set_on_three_hosts(300, 60'000, 30), small_set(""), 300, 0);
+}
+
+TEST_F(LanTest, LostPacketsAreGapsOrMissingInputAndTheRestIsAnswered) {
+  if (!installed("nft")) GTEST_SKIP() << "no nft (nftables)";
+  for (const int per_thousand : {1, 20})
+    three_hosts(small_set_on_three_hosts(300, 60'000, 30), small_set(""), 300, per_thousand);
+}
+
+TEST_F(LanTest, TwoRobotsAndTheirCamerasDoNotDisturbEachOther) {
+  constexpr int kFrames = 40;
+  for (const std::string robot : {"red", "blue"}) {
+    std::string text = "name: " + robot + "\nlan: true\nlcm: {prefix: " + robot +
+                       "}\nsources: [RGBD_FRAME]\nprocesses:\n";
+    for (const char* camera : {"left", "right"})
+      text += std::string("  - {name: eye-") + camera + ", exec: weft-test-source, source: true, " +
+              "camera: " + camera + ", rate_hz: 10, with: {frames: 40}}\n";
+    for (const char* kind : {"mask", "words", "parts"})
+      text += std::string("  - {name: ") + kind +
+              ", exec: weft-test-stage, queue: 1000, with: " + "{kind: " + kind + "}}\n";
+    write_text_file(path(robot + ".yaml"), text);
   }
-  EXPECT_GE(static_cast<int>(recorded.size()), kFrames * 9 / 10) << result.output;
-  if (!testing::Test::HasFailure()) fs::remove_all(folder);
+  write_text_file(path("local.yaml"), small_set(""));
+  in_a_world_of_its_own([&] {
+    const Lan lan({"red", "blue"}, folder_);
+    std::map<std::string, pid_t> recorders;
+    for (const std::string robot : {"red", "blue"})
+      recorders[robot] =
+          lan.start("", {kWeft, "record", path(robot + ".lcm"), "--set", path(robot + ".yaml")},
+                    path(robot + ".out"));
+    std::this_thread::sleep_for(milliseconds(1500));
+    for (const std::string robot : {"red", "blue"}) {
+      const auto up = lan.weft(robot, {"up", path(robot + ".yaml")});
+      ASSERT_EQ(up.status, 0) << up.output;
+    }
+    std::this_thread::sleep_for(milliseconds(kFrames * 100 + 3500));
+    std::map<std::string, std::set<std::int64_t>> sessions;
+    for (const std::string robot : {"red", "blue"}) {
+      const auto told =
+          lan.weft(robot, {"status", path(robot + ".yaml"), "--json", path("status.json")});
+      EXPECT_EQ(told.status, 0) << told.output;
+      const auto status = json("status.json");
+      EXPECT_EQ(status["elsewhere"].size(), 0u) << told.output;
+      EXPECT_EQ(status["problems"].size(), 0u) << told.output;
+      for (const char* stage : {"mask", "words", "parts"}) {
+        EXPECT_EQ(status["processes"][stage]["frames_out"], 2 * kFrames) << told.output;
+        EXPECT_EQ(status["processes"][stage]["gaps"], 0) << told.output;
+      }
+      for (const char* eye : {"eye-left", "eye-right"})
+        EXPECT_EQ(status["processes"][eye]["state"], "finished") << told.output;
+      EXPECT_EQ(stop_process(recorders[robot]), 0) << read_text_file(path(robot + ".out"));
+      const auto verdict = judge(path(robot + ".lcm"), path("local.yaml"), folder_);
+      EXPECT_EQ(verdict.frames, 2 * kFrames);
+      EXPECT_EQ(verdict.channels.at("PART_DETECTIONS").good, 2 * kFrames);
+      for (const auto& [channel, counts] : verdict.channels) EXPECT_EQ(counts.wrong, 0) << channel;
+      stage::LogReader log(path(robot + ".lcm"));
+      for (stage::LogEvent event; log.next(event);) {
+        if (event.channel != "PART_DETECTIONS") continue;
+        if (const auto header = read_frame_header(event.data))
+          sessions[robot].insert(header->frame.session);
+      }
+    }
+    for (const auto session : sessions["red"]) EXPECT_FALSE(sessions["blue"].contains(session));
+    // One that listens without a prefix, on the same group and port, hears neither.
+    const auto guest = lan.weft("", {"spy", "--url", "udpm://?ttl=1", "--duration", "1.5",
+                                     "--channel", "STAGE_STATUS|STAGE_TIMING|RGBD_FRAME"});
+    EXPECT_EQ(guest.status, 1) << guest.output;
+  });
+}
+
+TEST_F(LanTest, WithoutLanNothingIsSentToOthersNorHeardFromThem) {
+  write_text_file(path("set.yaml"), small_set("trigger: message"));
+  in_a_world_of_its_own([&] {
+    const Lan lan({"robot", "stranger"}, folder_);  // the multicast route of both is the cable
+    const auto up = lan.weft("robot", {"up", path("set.yaml")});
+    ASSERT_EQ(up.status, 0) << up.output;
+    const pid_t stranger = lan.start("stranger",
+                                     {WEFT_BINARY_DIR "/bin/weft-test-source", "--camera",
+                                      "stranger", "--rate", "20", "--url", "udpm://?ttl=1"},
+                                     path("stranger.out"));
+    const pid_t recorder = lan.start(
+        "", {kWeft, "record", path("lan.lcm"), "--url", "udpm://?ttl=1", "--duration", "4"},
+        path("record.out"));
+    const auto frame = lan.weft("robot", {"trigger", path("set.yaml")});
+    EXPECT_EQ(frame.status, 0) << frame.output;
+    int status = 0;
+    waitpid(recorder, &status, 0);
+    EXPECT_EQ(status, 0) << read_text_file(path("record.out"));
+    const auto told =
+        lan.weft("robot", {"status", path("set.yaml"), "--json", path("status.json")});
+    stop_process(stranger);
+    const auto processes = json("status.json")["processes"];
+    for (const char* stage : {"mask", "words", "parts"}) {
+      EXPECT_EQ(processes[stage]["frames_in"], 1) << told.output;  // the one of its own camera
+      EXPECT_EQ(processes[stage]["frames_out"], 1) << told.output;
+    }
+    EXPECT_EQ(json("status.json")["elsewhere"].size(), 0u) << told.output;
+    int frames = 0;
+    stage::LogReader log(path("lan.lcm"));
+    for (stage::LogEvent event; log.next(event);) {
+      if (event.channel == "LCM_SELF_TEST") continue;
+      if (event.channel == "RGBD_FRAME") ++frames;
+      const auto name = read_frame_name(event.data);
+      EXPECT_TRUE(!name || name->camera == "stranger") << event.channel;
+      EXPECT_TRUE(event.channel == "RGBD_FRAME" || event.channel.starts_with("STAGE_"))
+          << event.channel << " left the robot";
+    }
+    EXPECT_GT(frames, 20) << "or the stranger was not heard at all";
+
+    // Nobody waits for connections, and the supervisor is its owner's alone.
+    for (const char* table : {"tcp", "tcp6"}) {
+      const auto text = lan.run("robot", {"cat", std::string("/proc/self/net/") + table}).output;
+      std::istringstream lines(text);
+      std::string line;
+      std::getline(lines, line);  // the head
+      while (std::getline(lines, line))
+        EXPECT_EQ(line.find(" 0A "), std::string::npos) << "listens: " << line;
+    }
+    const auto run = folder_ / "robot" / "small";
+    const auto none = fs::perms::none, others = fs::perms::group_all | fs::perms::others_all;
+    EXPECT_EQ(fs::status(run / "supervisor.sock").permissions() & others, none);
+    EXPECT_EQ(fs::status(run).permissions() & others, none);
+    const auto user = run_command({"setpriv", "--reuid=65534", "--clear-groups", "id", "-u"});
+    if (user.status == 0 && user.output == "65534\n") {
+      fs::permissions(folder_,
+                      fs::perms::owner_all | fs::perms::group_exec | fs::perms::others_exec);
+      fs::permissions(folder_ / "robot", fs::perms::owner_all | fs::perms::others_exec);
+      const auto other =
+          run_command({"setpriv", "--reuid=65534", "--clear-groups", "supervisorctl", "-s",
+                       "unix://" + (run / "supervisor.sock").string(), "status"});
+      EXPECT_NE(other.status, 0) << other.output;
+      EXPECT_EQ(other.output.find("RUNNING"), std::string::npos) << other.output;
+    }
+    EXPECT_EQ(lan.weft("robot", {"down"}).status, 0);
+  });
+}
+
+TEST_F(LanTest, CamerasTakeOneFrameWhenTheyAreTold) {
+  write_text_file(path("set.yaml"),
+                  small_set("camera: left, trigger: message") +
+                      "  - {name: eye-right, exec: weft-test-source, source: true, camera: right, "
+                      "trigger: message}\n");
+  write_text_file(path("single.yaml"), small_set("camera: left, trigger: single"));
+  in_a_world_of_its_own([&] {
+    const Lan lan({}, folder_);
+    auto up = lan.weft("", {"up", path("set.yaml")});
+    ASSERT_EQ(up.status, 0) << up.output;
+    const auto left = lan.weft("", {"trigger", "--camera", "left"});
+    EXPECT_EQ(left.status, 0) << left.output;
+    EXPECT_NE(left.output.find("RGBD_FRAME: frame left/"), std::string::npos) << left.output;
+    EXPECT_EQ(lan.weft("", {"trigger", path("set.yaml")}).status, 0);  // both of them
+    const auto nobody = lan.weft("", {"trigger", "--camera", "none", "--timeout-s", "1"});
+    EXPECT_EQ(nobody.status, 1);
+    EXPECT_NE(nobody.output.find("trigger: message and camera: none"), std::string::npos)
+        << nobody.output;
+    std::this_thread::sleep_for(milliseconds(1500));
+    EXPECT_EQ(lan.weft("", {"status", "--json", path("status.json")}).status, 0);
+    auto processes = json("status.json")["processes"];
+    EXPECT_EQ(processes["eye"]["frames_out"], 2);
+    EXPECT_EQ(processes["eye-right"]["frames_out"], 1);
+    EXPECT_EQ(processes["parts"]["frames_out"], 3);
+    EXPECT_EQ(lan.weft("", {"down"}).status, 0);
+
+    up = lan.weft("", {"up", path("single.yaml")});
+    ASSERT_EQ(up.status, 0) << up.output;
+    for (int shots = 1; shots <= 2; ++shots) {
+      std::this_thread::sleep_for(milliseconds(2500));
+      const auto told = lan.weft("", {"status", "--json", path("status.json")});
+      EXPECT_EQ(told.status, 0) << told.output;
+      processes = json("status.json")["processes"];
+      EXPECT_EQ(processes["eye"]["state"], "finished") << told.output;
+      EXPECT_EQ(processes["eye"]["starts"], shots) << told.output;
+      EXPECT_EQ(processes["parts"]["frames_out"], shots) << told.output;
+      if (shots == 1) {
+        EXPECT_EQ(lan.weft("", {"restart", "eye"}).status, 0);
+      }
+    }
+    EXPECT_EQ(lan.weft("", {"down"}).status, 0);
+  });
+}
+
+TEST_F(LanTest, StatusAndDoctorPointOutStagesThatDoNotFitTogether) {
+  // parts reads the mask's messages as if they were words.
+  write_text_file(path("set.yaml"),
+                  "name: small\nsources: [RGBD_FRAME]\nprocesses:\n"
+                  "  - {name: mask, exec: weft-test-stage, with: {kind: mask}}\n"
+                  "  - {name: parts, exec: weft-test-stage, with: {kind: parts}, map: {WORDS_SIFT: "
+                  "FOREGROUND}}\n");
+  in_a_world_of_its_own([&] {
+    const Lan lan({}, folder_);
+    const auto up = lan.weft("", {"up", path("set.yaml")});
+    ASSERT_EQ(up.status, 0) << up.output;
+    for (const std::string command : {"status", "doctor"}) {
+      const auto told = lan.weft("", {command, path("set.yaml")});
+      EXPECT_EQ(told.status, 1) << told.output;
+      EXPECT_NE(told.output.find("FOREGROUND: "), std::string::npos) << told.output;
+      EXPECT_NE(told.output.find("its messages do not decode"), std::string::npos) << told.output;
+      EXPECT_NE(told.output.find("build both from the same lcmtypes/"), std::string::npos);
+    }
+    EXPECT_EQ(lan.weft("", {"down"}).status, 0);
+  });
+}
+
+TEST_F(LanTest, DoctorMeasuresHowFarTheClocksOfHostsAreApart) {
+  const auto library = run_command({"sh", "-c", "ls /usr/lib/*/faketime/libfaketimeMT.so.1"});
+  if (library.status != 0) GTEST_SKIP() << "no libfaketime to set a host's clock with";
+  const std::string preload = "LD_PRELOAD=" + library.output.substr(0, library.output.find('\n'));
+  write_text_file(path("set.yaml"),
+                  "name: clocks\nlan: true\nsources: [RGBD_FRAME]\nprocesses:\n"
+                  "  - {name: mask, exec: weft-test-stage, with: {kind: mask}, host: near}\n"
+                  "  - {name: words, exec: weft-test-stage, with: {kind: words}, host: far}\n");
+  in_a_world_of_its_own([&] {
+    const Lan lan({"near", "far"}, folder_);
+    const auto near = lan.weft("near", {"up", path("set.yaml")});
+    ASSERT_EQ(near.status, 0) << near.output;
+    // The clock of every process there is a quarter of a second ahead.
+    const auto far =
+        lan.run("far", {"env", preload, "FAKETIME=+0.25", "FAKETIME_DONT_FAKE_MONOTONIC=1", kWeft,
+                        "up", path("set.yaml")});
+    ASSERT_EQ(far.status, 0) << far.output;
+    const auto told = lan.weft("near", {"doctor", path("set.yaml")});
+    std::printf("%s", told.output.c_str());
+    const auto at = told.output.find("clock of far: ");
+    ASSERT_NE(at, std::string::npos) << told.output;
+    double offset_ms = 0, uncertain_ms = 0;
+    ASSERT_EQ(
+        std::sscanf(told.output.c_str() + at, "clock of far: %lf ms ahead of this one's (+- %lf",
+                    &offset_ms, &uncertain_ms),
+        2)
+        << told.output;
+    EXPECT_NEAR(offset_ms, 250, uncertain_ms + 1);
+    EXPECT_NE(told.output.find("on far: sudo apt-get install -y chrony"), std::string::npos);
+    EXPECT_EQ(told.output.find("clock of near"), std::string::npos);
+    EXPECT_EQ(lan.weft("near", {"down"}).status, 0);
+    EXPECT_EQ(lan.weft("far", {"down"}).status, 0);
+  });
 }
 
 }  // namespace
-}  // namespace weft
+}  // namespace weft::test_hosts

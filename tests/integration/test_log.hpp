@@ -8,10 +8,8 @@
 
 namespace weft::test_stage {
 
-/// One frame of random bytes; bytes: of the payload.
-inline stage::LogEvent test_event(std::int64_t seq, std::size_t bytes) {
-  weft::rgbd_frame_t frame{};
-  frame.header = {1'700'000'000'000'000 + seq * 100'000, "camera", 7, seq, "camera"};
+/// All of a frame but its header: random bytes; bytes: of the payload.
+inline void fill_test_frame(std::int64_t seq, std::size_t bytes, weft::rgbd_frame_t& frame) {
   frame.source = "scene " + std::to_string(seq);
   frame.camera_model = {320, 240, 262.5, 262.5, 159.5, 119.5};
   frame.depth_unit_m = 0.001;
@@ -21,6 +19,12 @@ inline stage::LogEvent test_event(std::int64_t seq, std::size_t bytes) {
     frame.data.push_back(static_cast<std::uint8_t>(random.bits()));
   frame.data_size = static_cast<std::int32_t>(bytes);
   frame.colour_size = frame.data_size;
+}
+
+inline stage::LogEvent test_event(std::int64_t seq, std::size_t bytes) {
+  weft::rgbd_frame_t frame{};
+  frame.header = {1'700'000'000'000'000 + seq * 100'000, "camera", 7, seq, "camera"};
+  fill_test_frame(seq, bytes, frame);
   stage::LogEvent event{0, frame.header.utime, "RGBD_FRAME", {}};
   event.data.resize(static_cast<std::size_t>(frame.getEncodedSize()));
   frame.encode(event.data.data(), 0, static_cast<int>(event.data.size()));

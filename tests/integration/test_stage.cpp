@@ -4,6 +4,7 @@
 #include <thread>
 
 #include "base/hash.hpp"
+#include "integration/test_log.hpp"
 #include "weft/foreground_t.hpp"
 #include "weft/part_detections_t.hpp"
 #include "weft/probability_map_t.hpp"
@@ -151,7 +152,51 @@ class TestStage : public stage::Stage {
   std::uint64_t before_ = 0;
 };
 
+class TestSource : public stage::Source {
+ public:
+  explicit TestSource(const TestSourceOptions& options) : options_(options) {
+    interface_.name = "camera";
+    interface_.settings_hash = options_hash(options);
+    interface_.outputs = {stage::port<weft::rgbd_frame_t>("RGBD_FRAME")};
+    if (options.log.empty()) return;
+    stage::LogReader log(options.log);
+    for (stage::LogEvent event; log.next(event);) {
+      weft::rgbd_frame_t frame{};
+      const int size = static_cast<int>(event.data.size());
+      if (event.channel == "RGBD_FRAME" && frame.decode(event.data.data(), 0, size) == size)
+        frames_.push_back(std::move(frame));
+    }
+    if (frames_.empty()) throw Error(options.log + ": no whole frame");
+  }
+  const stage::Interface& interface() const override { return interface_; }
+  bool next(stage::Outputs& outputs, const std::stop_token& stop) override {
+    if (stop.stop_requested() || (options_.frames > 0 && seq_ == options_.frames)) return false;
+    auto& out = outputs.at<weft::rgbd_frame_t>("RGBD_FRAME");
+    if (frames_.empty()) {
+      fill_test_frame(seq_, static_cast<std::size_t>(options_.bytes), out);
+    } else {
+      const auto header = out.header;
+      out = frames_[static_cast<std::size_t>(seq_) % frames_.size()];
+      out.header = header;
+    }
+    ++seq_;
+    return true;
+  }
+
+ private:
+  TestSourceOptions options_;
+  std::vector<weft::rgbd_frame_t> frames_;
+  stage::Interface interface_;
+  std::int64_t seq_ = 0;
+};
+
 }  // namespace
+
+std::unique_ptr<stage::Source> make_source(const Settings& settings) {
+  TestSourceOptions options;
+  settings.read(options);
+  return std::make_unique<TestSource>(options);
+}
 
 std::unique_ptr<stage::Stage> make_stage(const Settings& settings) {
   TestStageOptions options;

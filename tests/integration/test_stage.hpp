@@ -3,6 +3,7 @@
 #include <memory>
 
 #include "base/settings.hpp"
+#include "stage/source.hpp"
 #include "stage/stage.hpp"
 
 /// Small stages with the message types of the parts pipeline, for tests of the machinery around
@@ -38,5 +39,21 @@ struct TestStageOptions {
 };
 
 std::unique_ptr<stage::Stage> make_stage(const Settings& settings);
+
+/// A camera that gives random bytes, or the frames of a log again and again.
+struct TestSourceOptions {
+  std::string log;
+  int bytes = 20'000;
+  int frames = 0;
+
+  void visit(OptionVisitor& v) {
+    v.field("log", log, "whose RGBD_FRAME messages to give; none: random bytes");
+    v.field("bytes", bytes, {0, 10'000'000}, "", "payload of a frame");
+    v.field("frames", frames, {0, 1'000'000}, "", "how many before the end; 0: no end");
+  }
+  void validate() const { validate_fields(*this, "TestSourceOptions"); }
+};
+
+std::unique_ptr<stage::Source> make_source(const Settings& settings);
 
 }  // namespace weft::test_stage

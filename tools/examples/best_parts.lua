@@ -134,7 +134,10 @@ local function process(found)
   return out
 end
 
-local bus = lcm.lcm.new(url)
+-- The prefix is Weft's own piece of the URL: the robot's name before every channel's.
+local robot = url:match('&prefix=([%w_-]+)')
+local prefix = robot and robot .. '/' or ''
+local bus = lcm.lcm.new((url:gsub('&prefix=[%w_-]+', '')))
 local status = weft.stage_status_t:new()
 status.header = weft.header_t:new()
 status.header.session, status.header.seq = now_us(), -1
@@ -155,7 +158,7 @@ local function publish_status(state)
   status.state = state
   status.header.utime, status.header.seq = now_us(), status.header.seq + 1
   for line in io.lines('/proc/self/statm') do status.resident_bytes = tonumber(line:match('%d+ (%d+)')) * 4096 end
-  bus:publish('STAGE_STATUS', status:encode())
+  bus:publish(prefix .. 'STAGE_STATUS', status:encode())
 end
 
 -- The newest 256 frames, so that a repeat is not counted twice; its answer is computed again. And what is missing
@@ -195,7 +198,7 @@ local function take(data)
   local answer = process(found)
   local bytes = answer:encode()
   local finished_us = now_us()
-  bus:publish(output, bytes)
+  bus:publish(prefix .. output, bytes)
   if again then
     status.repeats = status.repeats + 1
     return
@@ -212,12 +215,12 @@ local function take(data)
   timing.received_utime, timing.started_utime, timing.finished_utime = received_us, received_us, finished_us
   timing.published_utime, timing.cpu_us = now_us(), math.floor((os.clock() - cpu_s) * 1e6)
   timing.queue_length, timing.output_bytes = 1, #bytes
-  bus:publish('STAGE_TIMING', timing:encode())
+  bus:publish(prefix .. 'STAGE_TIMING', timing:encode())
 end
 
 -- An error may not leave a handler: LCM's C code is between it and the loop.
 local failure
-bus:subscribe((input:gsub('[^%w_]', '\\%0')), function(_, data)
+bus:subscribe(((prefix .. input):gsub('[^%w_]', '\\%0')), function(_, data)
   local good, why = pcall(take, data)
   if not good then failure = why end
 end)

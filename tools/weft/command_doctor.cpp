@@ -4,6 +4,7 @@
 #include <chrono>
 #include <map>
 #include <nlohmann/json.hpp>
+#include <set>
 
 #include "base/error.hpp"
 #include "base/text_file.hpp"
@@ -12,6 +13,8 @@
 #include "tools/weft/commands.hpp"
 #include "tools/weft/doctor.hpp"
 #include "tools/weft/message.hpp"
+#include "weft/clock_pong_t.hpp"
+#include "weft/stage_timing_t.hpp"
 
 namespace weft {
 
@@ -26,35 +29,49 @@ int doctor_command(const DoctorOptions& options, const StageRegistry& registry) 
     url = url_of(set);
     findings = check_set(set, registry, host);
   }
-  for (auto& finding : check_machine(url, options.folder)) findings.push_back(std::move(finding));
   std::map<std::pair<std::string, std::string>, weft::stage_status_t> heard;  // stage, process
-  std::map<std::string, HostClock> clocks;
+  std::set<std::string> hosts;
+  ClockExchange clocks(stage::now_us() ^ getpid());
+  double bytes = 0;
   try {
-    const auto bus = make_lcm_bus(url, stage::kStatusChannel);
-    const auto end = std::chrono::steady_clock::now() +
-                     std::chrono::milliseconds(static_cast<std::int64_t>(options.listen_s * 1000));
-    while (std::chrono::steady_clock::now() < end) {
-      const auto message = bus->receive(std::chrono::milliseconds(50));
-      if (!message) continue;
+    const auto bus = make_lcm_bus(url, "STAGE_STATUS|STAGE_TIMING|CLOCK_PONG");
+    using std::chrono::milliseconds;
+    const auto begin = std::chrono::steady_clock::now();
+    auto ask = begin;
+    while (std::chrono::steady_clock::now() - begin <
+           milliseconds(static_cast<std::int64_t>(options.listen_s * 1000))) {
+      constexpr milliseconds kBetweenQuestions{100};
+      if (std::chrono::steady_clock::now() >= ask) {
+        ask += kBetweenQuestions;
+        bus->publish(stage::kPingChannel, encode_message(clocks.question(stage::now_us())));
+      }
+      const auto message = bus->receive(milliseconds(20));
       const auto now = stage::now_us();
-      const auto status = decode_message<weft::stage_status_t>(message->data);
-      if (!status) continue;
-      heard[{status->stage, status->host + std::to_string(status->pid)}] = *status;
-      if (status->host == host) continue;
-      const auto late = now - status->header.utime;
-      auto [clock, is_new] = clocks.try_emplace(status->host, HostClock{status->host, late});
-      clock->second.arrived_minus_sent_us = std::min(clock->second.arrived_minus_sent_us, late);
+      if (!message) continue;
+      if (message->channel == stage::kPongChannel) {
+        if (const auto pong = decode_message<weft::clock_pong_t>(message->data))
+          clocks.take(*pong, now);
+      } else if (message->channel == stage::kTimingChannel) {
+        if (const auto timing = decode_message<weft::stage_timing_t>(message->data))
+          bytes += timing->output_bytes;
+      } else if (const auto status = decode_message<weft::stage_status_t>(message->data)) {
+        heard[{status->stage, status->host + std::to_string(status->pid)}] = *status;
+        hosts.insert(status->host);
+      }
     }
   } catch (const Error&) {
-    // check_machine has said so.
+    // check_machine says why.
   }
+  for (auto& finding :
+       check_machine(url, options.folder, options.listen_s > 0 ? bytes / options.listen_s : 0))
+    findings.push_back(std::move(finding));
   std::vector<weft::stage_status_t> statuses;
   for (const auto& [key, status] : heard) statuses.push_back(status);
   findings.push_back({Kind::kGood,
                       fmt::format("{} stages were heard in {} s", heard.size(), options.listen_s),
                       ""});
   for (auto& finding : mixed_versions(statuses)) findings.push_back(std::move(finding));
-  for (const auto& [name, clock] : clocks) findings.push_back(judge_clock(clock));
+  for (auto& finding : clocks.findings(host, hosts)) findings.push_back(std::move(finding));
 
   bool all_well = true;
   auto json = nlohmann::ordered_json::array();

@@ -49,14 +49,6 @@ class Screen {
   }
 };
 
-stage::LcmUrl url_to_spy(const SpyOptions& options) {
-  if (!options.url.empty()) return stage::LcmUrl::parse(options.url);
-  if (!options.set.empty() && std::filesystem::is_regular_file(options.set))
-    return url_of(ProcessSet::from_file(options.set));
-  if (!options.set.empty()) return stage::LcmUrl::parse(RunFolder::find(options.set).url());
-  return stage::LcmUrl::parse("");
-}
-
 nlohmann::ordered_json to_json(const std::vector<SpyRow>& rows, const SpyTable& table,
                                double seconds) {
   nlohmann::ordered_json json{{"seconds", seconds}};
@@ -112,11 +104,19 @@ void watch(Bus& bus, SpyTable& table, const std::string& where, double duration_
 
 }  // namespace
 
+stage::LcmUrl url_to_hear(const std::string& url, const std::string& set) {
+  if (!url.empty()) return stage::LcmUrl::parse(url);
+  if (!set.empty() && std::filesystem::is_regular_file(set))
+    return url_of(ProcessSet::from_file(set));
+  if (!set.empty()) return stage::LcmUrl::parse(RunFolder::find(set).url());
+  return stage::LcmUrl::parse("");
+}
+
 int spy_command(const SpyOptions& options) {
   catch_stop_signals();
   MessageTypes types = MessageTypes::built_in();
   if (!options.types.empty()) types.add_folder(options.types);
-  const auto url = url_to_spy(options);
+  const auto url = url_to_hear(options.url, options.set);
   const auto bus = make_lcm_bus(url, options.channels);
   SpyTable table(types);
   const auto start = stage::now_us();

@@ -14,15 +14,19 @@
 #include "base/error.hpp"
 #include "base/hash.hpp"
 #include "base/text_file.hpp"
+#include "stage/clock.hpp"
+#include "stage/host.hpp"
 #include "stage/telemetry.hpp"
 #include "tools/weft/children.hpp"
 #include "tools/weft/commands.hpp"
 #include "tools/weft/doctor.hpp"
+#include "tools/weft/frame_name.hpp"
 #include "tools/weft/message.hpp"
 #include "tools/weft/run_folder.hpp"
 #include "tools/weft/timing_report.hpp"
 #include "weft/stage_status_t.hpp"
 #include "weft/stage_timing_t.hpp"
+#include "weft/status_t.hpp"
 
 namespace weft {
 namespace {
@@ -102,17 +106,29 @@ int up(const UpOptions& options) {
   folder.write(set, url.to_string(), set.lock_step);
   folder.start_supervisor();
   std::map<std::string, Heard> heard;
+  std::map<std::string, std::int32_t> ready;  // and the process number; a source may be done by now
   const auto deadline = Clock::now() + milliseconds(static_cast<int>(options.ready_s * 1000));
+  bool sources_started = false;
   try {
     for (auto checked = Clock::now();;) {
       listen(*bus, milliseconds(50), heard);
       std::string missing;
+      std::vector<std::string> sources{"start"};
       for (const auto& process : set.processes) {
+        if (process.source) sources.push_back(process.name);
+        if (process.source && !sources_started) continue;
         const auto at = heard.find(process.name);
-        if (at == heard.end() || at->second.last.state != weft::stage_status_t::RUNNING)
-          missing += (missing.empty() ? "" : ", ") + process.name;
+        if (at != heard.end() && (at->second.last.state == weft::stage_status_t::RUNNING ||
+                                  (process.source && at->second.last.frames_out > 0)))
+          ready[process.name] = at->second.last.pid;
+        if (!ready.contains(process.name)) missing += (missing.empty() ? "" : ", ") + process.name;
       }
-      if (missing.empty()) break;
+      if (missing.empty() && (sources_started || sources.size() == 1)) break;
+      if (missing.empty()) {
+        folder.control(sources);
+        sources_started = true;
+        continue;
+      }
       if (stop_requested()) throw Interrupted{};
       if (Clock::now() > deadline)
         throw Error(fmt::format("not ready after {} s: {}; weft logs NAME shows why",
@@ -131,7 +147,7 @@ int up(const UpOptions& options) {
   }
   fmt::print("{}: {} processes are running\n", set.name, set.processes.size());
   for (const auto& process : set.processes)
-    fmt::print("  {:<20} process {}\n", process.name, heard.at(process.name).last.pid);
+    fmt::print("  {:<20} process {}\n", process.name, ready.at(process.name));
   fmt::print("logs are in {}\n", folder.path().string());
   return 0;
 }
@@ -179,9 +195,11 @@ int status(const StatusOptions& options) {
   json["supervisor"] = supervised;
   bool all_well = (supervised || (!folder && !heard.empty())) && not_heard.empty();
   fmt::print(
-      "{:<20} {:<12} {:>7} {:<9} {:>6} {:>8} {:>8} {:>7} {:>6} {:>7} {:>8} {:>7} {:>7}  {}\n",
-      "process", "host", "pid", "state", "starts", "in", "out", "dropped", "failed", "missing",
-      "frames/s", "p95 ms", "MB", "last error");
+      "{:<20} {:<12} {:>7} {:<9} {:>6} {:>7} {:>8} {:>8} {:>7} {:>6} {:>7} {:>6} {:>8} {:>7} {:>7} "
+      " "
+      "{}\n",
+      "process", "host", "pid", "state", "starts", "up s", "in", "out", "dropped", "failed",
+      "missing", "gaps", "frames/s", "p95 ms", "MB", "last error");
   const auto show = [&](nlohmann::ordered_json& entry, const Heard& of, const std::string& starts) {
     const auto& [first, last] = of;
     const double seconds = static_cast<double>(last.header.utime - first.header.utime) * 1e-6;
@@ -197,6 +215,8 @@ int status(const StatusOptions& options) {
     entry["build"] = last.build;
     entry["settings_hash"] = to_hex(static_cast<std::uint64_t>(last.settings_hash));
     entry["model_hash"] = to_hex(static_cast<std::uint64_t>(last.model_hash));
+    const double up_s = static_cast<double>(last.header.utime - last.started_utime) * 1e-6;
+    entry["up_s"] = up_s;
     entry["frames_in"] = last.frames_in;
     entry["frames_out"] = last.frames_out;
     entry["frames_dropped"] = last.frames_dropped;
@@ -216,11 +236,11 @@ int status(const StatusOptions& options) {
     entry["resident_bytes"] = last.resident_bytes;
     entry["last_error"] = last.last_error;
     fmt::print(
-        "{:<20} {:<12} {:>7} {:<9} {:>6} {:>8} {:>8} {:>7} {:>6} {:>7} {:>8.1f} {:>7} {:>7.1f}  "
-        "{}\n",
-        last.stage, last.host, last.pid, state_name(last.state), starts, last.frames_in,
-        last.frames_out, last.frames_dropped, last.frames_failed, last.frames_missing_input, rate,
-        p95, static_cast<double>(last.resident_bytes) / 1e6, last.last_error);
+        "{:<20} {:<12} {:>7} {:<9} {:>6} {:>7.0f} {:>8} {:>8} {:>7} {:>6} {:>7} {:>6} {:>8.1f} "
+        "{:>7} {:>7.1f}  {}\n",
+        last.stage, last.host, last.pid, state_name(last.state), starts, up_s, last.frames_in,
+        last.frames_out, last.frames_dropped, last.frames_failed, last.frames_missing_input,
+        last.gaps, rate, p95, static_cast<double>(last.resident_bytes) / 1e6, last.last_error);
   };
   for (const auto& process : processes) {
     auto& entry = json["processes"][process.name];
@@ -228,6 +248,13 @@ int status(const StatusOptions& options) {
     entry["supervised"] = states[process.name];
     entry["starts"] = process.starts;
     const auto at = heard.find(process.name);
+    if (process.pid == 0 && states[process.name] == "EXITED" && folder->is_source(process.name)) {
+      entry["state"] = "finished";
+      fmt::print("{:<20} {:<12} {:>7} {:<9} {:>6}  weft restart {} begins again\n", process.name,
+                 "", "", "finished", process.starts, process.name);
+      if (at != heard.end()) heard.erase(at);
+      continue;
+    }
     if (at == heard.end() || process.pid == 0) {
       all_well = false;
       entry["state"] = "silent";
@@ -276,9 +303,46 @@ int logs(const LogsOptions& options) {
 int restart(const std::string& process, const std::string& set) {
   const auto folder = RunFolder::find(set);
   static_cast<void>(folder.log(process));  // knows the processes' names
-  folder.control({"restart", process});
+  // One that came to its end cannot be stopped first.
+  const auto state = folder.states()[process];
+  const bool ended = state == "EXITED" || state == "STOPPED" || state == "FATAL";
+  folder.control({ended ? "start" : "restart", process});
   fmt::print("{} restarted\n", process);
   return 0;
+}
+
+int trigger_command(const TriggerOptions& options) {
+  catch_stop_signals();
+  const auto set = ProcessSet::from_file(fs::is_regular_file(options.set)
+                                             ? fs::path(options.set)
+                                             : RunFolder::find(options.set).set_file());
+  const auto bus = make_lcm_bus(url_of(set));
+  weft::header_t trigger{};
+  trigger.camera = options.camera;
+  trigger.session = trigger.utime = stage::now_us();
+  const auto began = Clock::now();
+  const auto wait = milliseconds(static_cast<int>(options.timeout_s * 1000));
+  // A trigger may get lost; sent again it is the same one, and no camera obeys it twice.
+  constexpr milliseconds kAgain{500};
+  auto due = began;
+  while (Clock::now() - began < wait && !stop_requested()) {
+    if (Clock::now() >= due) {
+      bus->publish(stage::kTriggerChannel, encode_message(trigger));
+      due += kAgain;
+    }
+    const auto message = bus->receive(milliseconds(20));
+    if (!message ||
+        std::find(set.sources.begin(), set.sources.end(), message->channel) == set.sources.end())
+      continue;
+    const auto header = read_frame_header(message->data);
+    if (!header || (!options.camera.empty() && header->frame.camera != options.camera)) continue;
+    fmt::print("{}: frame {}\n", message->channel, to_string(header->frame));
+    return header->status_code <= weft::status_t::NOTHING ? 0 : 1;
+  }
+  throw Error(fmt::format(
+      "no frame came in {} s: does the set have a source with trigger: message"
+      "{}, and is it running (weft status)?",
+      options.timeout_s, options.camera.empty() ? "" : " and camera: " + options.camera));
 }
 
 }  // namespace weft

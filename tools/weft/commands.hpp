@@ -31,6 +31,25 @@ struct LogsOptions {
 int logs(const LogsOptions& options);
 int restart(const std::string& process, const std::string& set);
 
+struct RecordOptions {
+  std::string out;
+  std::string set;  // file, or name of a running set; empty: default URL
+  std::string url, json;
+  std::string channels = ".*";  // regular expression
+  double duration_s = 0;        // 0: until stopped
+};
+int record_command(const RecordOptions& options);
+
+struct TriggerOptions {
+  std::string set;     // file, or name of a running set
+  std::string camera;  // empty: every camera of the set that waits for triggers
+  double timeout_s = 5;
+};
+int trigger_command(const TriggerOptions& options);
+
+/// Where a set talks: of a URL, a set file or a running set; all empty: the default URL.
+stage::LcmUrl url_to_hear(const std::string& url, const std::string& set);
+
 struct DoctorOptions {
   std::string set;           // file; empty: the machine alone
   std::string folder = ".";  // where logs are recorded

@@ -67,17 +67,37 @@ std::vector<Finding> check_cameras() {
   return findings;
 }
 
-Finding check_disk(const std::string& folder) {
-  constexpr double kRecord_MB_s = 6;  // VGA, 30 frames a second, compressed
+Finding check_disk(const std::string& folder, double bytes_per_s) {
+  constexpr double kVga_bytes_per_s = 6e6;  // 640x480, 30 frames a second, compressed
+  constexpr double kEnough_s = 600;
   struct statvfs info {};
   if (statvfs(folder.c_str(), &info) != 0)
     return {Kind::kWarning, folder + ": cannot tell how much space is left", "mkdir -p " + folder};
-  const double free_MB =
-      static_cast<double>(info.f_bavail) * static_cast<double>(info.f_frsize) / 1e6;
-  const auto text = fmt::format("{:.1f} GB are free in {}: about {:.0f} minutes of recording",
-                                free_MB / 1000, folder, free_MB / kRecord_MB_s / 60);
-  if (free_MB > 5000) return {Kind::kGood, text, ""};
-  return {Kind::kWarning, text, "remove old logs there, or record on another disk"};
+  const bool heard = bytes_per_s > 0;
+  if (!heard) bytes_per_s = kVga_bytes_per_s;
+  const double free = static_cast<double>(info.f_bavail) * static_cast<double>(info.f_frsize);
+  const auto text =
+      fmt::format("{:.1f} GB are free in {}: {:.0f} minutes of recording at {:.1f} MB/s ({})",
+                  free * 1e-9, folder, free / bytes_per_s / 60, bytes_per_s * 1e-6,
+                  heard ? "as heard now" : "VGA at 30 Hz; no frames are on the air");
+  if (free > kEnough_s * bytes_per_s) return {Kind::kGood, text, ""};
+  return {Kind::kWarning, text,
+          fmt::format("ls -lhS {0}/*.lcm shows the largest logs there, rm removes one; or weft "
+                      "record on another disk, with {1:.1f} GB free at least: df -h",
+                      folder, kEnough_s * bytes_per_s * 1e-9)};
+}
+
+std::vector<Finding> check_fragments(const stage::LcmUrl& url) {
+  if (url.ttl == 0) return {};
+  const auto memory = stage::FragmentMemory::of_kernel();
+  const auto warning = stage::fragment_warning(url, memory);
+  if (warning.empty())
+    return {{Kind::kGood,
+             fmt::format("pieces of messages that lost a packet wait {} s in {:.0f} MB",
+                         memory.time_s, static_cast<double>(memory.bytes) * 1e-6),
+             ""}};
+  const auto remedy = warning.find(". Remedy: ");
+  return {{Kind::kWarning, warning.substr(0, remedy), warning.substr(remedy + 10)}};
 }
 
 }  // namespace
@@ -91,6 +111,12 @@ std::vector<Finding> mixed_versions(const std::vector<weft::stage_status_t>& sta
   };
   std::map<std::string, std::vector<End>> channels;
   for (const auto& status : statuses) {
+    // One that ended before the other of its name and host began is no mistake but its past.
+    if (std::any_of(statuses.begin(), statuses.end(), [&](const weft::stage_status_t& other) {
+          return other.stage == status.stage && other.host == status.host &&
+                 other.started_utime > status.header.utime;
+        }))
+      continue;
     const auto process = fmt::format("{} (process {})", status.host, status.pid);
     processes[status.stage].insert(process);
     builds[status.build].insert(status.stage);
@@ -100,8 +126,8 @@ std::vector<Finding> mixed_versions(const std::vector<weft::stage_status_t>& sta
   for (const auto& [stage, where] : processes) {
     if (where.size() > 1)
       findings.push_back({Kind::kBad, "several processes are " + stage + ": " + joined(where),
-                          "stop one, give it another name, or give its set another group or port "
-                          "under lcm: so that the sets do not hear each other"});
+                          "stop one, give it another name, or give its set another prefix, group "
+                          "or port under lcm: so that the sets do not hear each other"});
   }
   for (const auto& [channel, ends] : channels) {
     for (const auto& end : ends) {
@@ -165,15 +191,16 @@ std::vector<Finding> check_set(const ProcessSet& set, const StageRegistry& regis
     findings.push_back({Kind::kBad,
                         "the set runs on several hosts (" + joined(hosts) +
                             "), but its messages do not leave this one",
-                        "in " + set.file.string() + ": lcm: {ttl: 1}"});
+                        "in " + set.file.string() + ": lan: true"});
   if (set.ttl > 1)
     findings.push_back({Kind::kWarning,
                         fmt::format("ttl {} carries the messages beyond this LAN", set.ttl),
-                        "in " + set.file.string() + ": lcm: {ttl: 1}"});
+                        "in " + set.file.string() + ": lan: true without lcm: {ttl: ...}"});
   return findings;
 }
 
-std::vector<Finding> check_machine(const stage::LcmUrl& url, const std::string& record_folder) {
+std::vector<Finding> check_machine(const stage::LcmUrl& url, const std::string& record_folder,
+                                   double record_bytes_per_s) {
   std::vector<Finding> findings;
   std::string why;
   if (stage::multicast_works(why)) {
@@ -197,22 +224,76 @@ std::vector<Finding> check_machine(const stage::LcmUrl& url, const std::string& 
                     "sudo sysctl -w " + setting + "; to keep it: echo " + setting +
                         " | sudo tee /etc/sysctl.d/60-weft.conf"});
   for (auto& finding : check_cameras()) findings.push_back(std::move(finding));
-  findings.push_back(check_disk(record_folder));
+  for (auto& finding : check_fragments(url)) findings.push_back(std::move(finding));
+  findings.push_back(check_disk(record_folder, record_bytes_per_s));
   return findings;
 }
 
-Finding judge_clock(const HostClock& clock) {
+weft::header_t ClockExchange::question(std::int64_t now_us) {
+  weft::header_t header{};
+  header.utime = now_us;
+  header.session = session_;
+  header.seq = static_cast<std::int64_t>(sent_us_.size());
+  sent_us_.push_back(now_us);
+  return header;
+}
+
+void ClockExchange::take(const weft::clock_pong_t& pong, std::int64_t now_us) {
+  const auto& [utime, camera, session, seq, frame] = pong.header;
+  if (session != session_ || seq < 0 || seq >= static_cast<std::int64_t>(sent_us_.size())) return;
+  const std::int64_t sent_us = sent_us_[static_cast<std::size_t>(seq)];
+  const std::int64_t there = pong.received_utime - sent_us, back = now_us - pong.answered_utime;
+  const std::int64_t on_the_way = there + back;
+  if (on_the_way < 0 || pong.answered_utime < pong.received_utime) return;
+  auto& host = hosts_[pong.host];
+  if (host.exchanges++ == 0 || on_the_way < host.on_the_way_us) {
+    host.on_the_way_us = on_the_way;
+    host.offset_us = (there - back) / 2;
+  }
+  set_by_us_[pong.stage] = {pong.host, pong.set_by_us};
+}
+
+std::vector<Finding> ClockExchange::findings(const std::string& this_host,
+                                             const std::set<std::string>& heard) const {
   constexpr std::int64_t kApart_us = 5000;
-  const double ms = static_cast<double>(clock.arrived_minus_sent_us) / 1000;
-  if (std::abs(clock.arrived_minus_sent_us) <= kApart_us)
-    return {Kind::kGood, fmt::format("clock of {}: within {:.1f} ms", clock.host, std::abs(ms)),
-            ""};
-  return {Kind::kWarning,
-          fmt::format("clock of {}: {:.1f} ms {} this one's; latencies across hosts are wrong by "
-                      "that",
-                      clock.host, std::abs(ms), ms > 0 ? "behind" : "ahead of"),
-          "on both hosts: sudo apt-get install chrony, with the same server in "
-          "/etc/chrony/chrony.conf"};
+  std::vector<Finding> findings;
+  const auto ms = [](std::int64_t us) { return std::abs(static_cast<double>(us)) * 1e-3; };
+  for (const auto& host : heard) {
+    if (host != this_host && !hosts_.contains(host))
+      findings.push_back({Kind::kWarning,
+                          "clock of " + host + ": no process there answers CLOCK_PING",
+                          "on " + host + ": build this version, ./weft build, and weft up again"});
+  }
+  for (const auto& [name, host] : hosts_) {
+    if (name == this_host) continue;
+    const auto uncertain = host.on_the_way_us / 2;
+    const auto how = fmt::format(
+        "clock of {}: {:.2f} ms {} this one's (+- {:.2f} ms, the best of "
+        "{} exchanges)",
+        name, ms(host.offset_us), host.offset_us < 0 ? "behind" : "ahead of", ms(uncertain),
+        host.exchanges);
+    if (std::abs(host.offset_us) - uncertain <= kApart_us) {
+      findings.push_back({Kind::kGood, how, ""});
+      continue;
+    }
+    findings.push_back(
+        {Kind::kWarning, how + "; latencies across hosts are wrong by that",
+         fmt::format("on {0}: sudo apt-get install -y chrony && printf 'local stratum "
+                     "10\\nallow\\n' | sudo tee /etc/chrony/conf.d/weft.conf && sudo systemctl "
+                     "restart chrony; on {1}: sudo apt-get install -y chrony && echo 'server {0} "
+                     "iburst' | sudo tee /etc/chrony/sources.d/weft.sources && sudo chronyc reload "
+                     "sources && sudo chronyc makestep; then weft down and weft up there",
+                     this_host, name)});
+  }
+  for (const auto& [stage, where] : set_by_us_) {
+    if (std::abs(where.second) <= kApart_us) continue;
+    findings.push_back({Kind::kWarning,
+                        fmt::format("{} on {} began before the clock there was set by {:.1f} ms, "
+                                    "and stamps its messages by the old one",
+                                    stage, where.first, static_cast<double>(where.second) * 1e-3),
+                        "on " + where.first + ": weft restart " + stage});
+  }
+  return findings;
 }
 
 }  // namespace weft

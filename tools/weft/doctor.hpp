@@ -1,11 +1,15 @@
 #pragma once
 
 #include <cstdint>
+#include <map>
+#include <set>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "tools/weft/process_set.hpp"
 #include "tools/weft/session.hpp"
+#include "weft/clock_pong_t.hpp"
 #include "weft/stage_status_t.hpp"
 
 /// What would stop a machine, or a set on it, from working, each with its remedy.
@@ -28,15 +32,40 @@ std::vector<Finding> mixed_versions(const std::vector<weft::stage_status_t>& sta
 std::vector<Finding> check_set(const ProcessSet& set, const StageRegistry& registry,
                                const std::string& host);
 
-/// Multicast route and loopback, receive buffer, cameras, disk.
-std::vector<Finding> check_machine(const stage::LcmUrl& url, const std::string& record_folder);
+/// Multicast route and loopback, receive buffer, memory for the pieces of messages from other
+/// hosts, cameras, disk. record_bytes_per_s: what a recording takes; 0: not known.
+std::vector<Finding> check_machine(const stage::LcmUrl& url, const std::string& record_folder,
+                                   double record_bytes_per_s = 0);
 
-/// How far the clocks of hosts are behind or ahead, from when their reports were sent and came. At
-/// least as exact as the network is quick.
-struct HostClock {
-  std::string host;
-  std::int64_t arrived_minus_sent_us = 0;  // the smallest seen
+/// How far the clocks of other hosts are from this one's, by a message there and back: of the
+/// question, sent at t1 and received at t2, and the answer, sent at t3 and received at t4, the
+/// offset is ((t2 - t1) + (t3 - t4)) / 2, and wrong by half the time on the way at most. Of each
+/// host the quickest exchange counts. (NTP's formula: RFC 5905, section 8.)
+class ClockExchange {
+ public:
+  /// session: tells this asker's questions from others'.
+  explicit ClockExchange(std::int64_t session) : session_(session) {}
+  /// The next question; utime: when it will be sent.
+  weft::header_t question(std::int64_t now_us);
+  /// An answer. Those to other questions are ignored.
+  void take(const weft::clock_pong_t& pong, std::int64_t now_us);
+
+  struct Host {
+    std::int64_t offset_us = 0;  // its clock minus this one's
+    std::int64_t on_the_way_us = 0;
+    int exchanges = 0;
+  };
+  const std::map<std::string, Host>& hosts() const { return hosts_; }
+  /// Clocks of other hosts, and processes that began before their host's clock was set. heard: the
+  /// hosts whose stages report.
+  std::vector<Finding> findings(const std::string& this_host,
+                                const std::set<std::string>& heard) const;
+
+ private:
+  const std::int64_t session_;
+  std::vector<std::int64_t> sent_us_;  // by seq
+  std::map<std::string, Host> hosts_;
+  std::map<std::string, std::pair<std::string, std::int64_t>> set_by_us_;  // process: host, us
 };
-Finding judge_clock(const HostClock& clock);
 
 }  // namespace weft

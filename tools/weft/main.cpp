@@ -158,6 +158,28 @@ int run(int argc, char** argv) {
   sub->add_option("--types", spy.types, "folder of .lcm files of your own message types");
   sub->callback([&] { chosen = [&] { return spy_command(spy); }; });
 
+  RecordOptions record;
+  sub = app.add_subcommand("record", "write what is on the air to a log");
+  sub->add_option("out", record.out, "log to write; must not exist")->required();
+  sub->add_option("--set", record.set,
+                  "set file or name of a running set; default: the default URL");
+  sub->add_option("--url", record.url, "LCM URL");
+  sub->add_option("--channel", record.channels, "regular expression of the channels to record")
+      ->capture_default_str();
+  sub->add_option("--duration", record.duration_s, "seconds to record; default: until stopped")
+      ->check(CLI::Range(0.1, 1e9));
+  sub->add_option("--json", record.json, "write the counts to this file");
+  sub->callback([&] { chosen = [&] { return record_command(record); }; });
+
+  TriggerOptions trigger;
+  sub = app.add_subcommand("trigger", "one frame of each camera that waits for a trigger");
+  sub->add_option("set", trigger.set, "its name or file; not needed when only one is running");
+  sub->add_option("--camera", trigger.camera, "of this camera alone");
+  sub->add_option("--timeout-s", trigger.timeout_s, "how long to wait for the frame")
+      ->check(CLI::Range(0.1, 600.0))
+      ->capture_default_str();
+  sub->callback([&] { chosen = [&] { return trigger_command(trigger); }; });
+
   ReplayCommand replay;
   sub =
       app.add_subcommand("replay", "play the source channels of a log through a set, in lock-step");

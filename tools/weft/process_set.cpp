@@ -1,5 +1,6 @@
 #include "tools/weft/process_set.hpp"
 
+#include <fmt/format.h>
 #include <unistd.h>
 #include <yaml-cpp/yaml.h>
 
@@ -10,6 +11,7 @@
 
 #include "base/error.hpp"
 #include "base/project.hpp"
+#include "stage/lcm_url.hpp"
 
 namespace weft {
 namespace {
@@ -120,7 +122,7 @@ void flatten(const StrictMap& map, const YAML::Node& node, const std::string& pa
 ProcessSpec read_process(const YAML::Node& node, const fs::path& file) {
   StrictMap map(node, file.string(), "a process",
                 {"name", "exec", "settings", "with", "map", "host", "queue", "deadline_ms",
-                 "source", "stop_wait_s"});
+                 "source", "stop_wait_s", "camera", "trigger", "rate_hz"});
   ProcessSpec process;
   process.name = map.need<std::string>("name", "a name");
   check_name(map, node, process.name);
@@ -153,6 +155,20 @@ ProcessSpec read_process(const YAML::Node& node, const fs::path& file) {
   process.queue = map.integer("queue", 0, 0, 10000);
   process.deadline_ms = map.integer("deadline_ms", 0, 0, 600000);
   process.stop_wait_s = map.integer("stop_wait_s", 5, 1, 600);
+  for (const char* key : {"camera", "trigger", "rate_hz"}) {
+    if (const YAML::Node node_of_key = map.find(key); node_of_key && !process.source)
+      map.fail(node_of_key, std::string(key) + " is for a process with source: true");
+  }
+  process.camera = map.get<std::string>("camera", "", "the name of a camera");
+  if (map.find("camera")) check_name(map, map.find("camera"), process.camera);
+  process.trigger = map.get<std::string>("trigger", "", "continuous, single or message");
+  if (map.find("trigger") && process.trigger != "continuous" && process.trigger != "single" &&
+      process.trigger != "message")
+    map.fail(map.find("trigger"),
+             "trigger is '" + process.trigger + "'; expected continuous, single or message");
+  process.rate_hz = map.get<double>("rate_hz", 0, "frames a second, 0 to 1000");
+  if (!(process.rate_hz >= 0 && process.rate_hz <= 1000))
+    map.fail(map.find("rate_hz"), "rate_hz must be 0 to 1000 frames a second");
   return process;
 }
 
@@ -176,7 +192,7 @@ ProcessSet ProcessSet::from_text(const std::string& text, const fs::path& file) 
                 ": not valid YAML: " + e.msg);
   }
   StrictMap map(root, file.string(), "the process set",
-                {"name", "mode", "lcm", "sources", "processes"});
+                {"name", "mode", "lan", "lcm", "sources", "processes"});
   ProcessSet set;
   set.file = fs::absolute(file);
   set.name = map.get<std::string>("name", file.stem().string(), "a name");
@@ -185,8 +201,10 @@ ProcessSet ProcessSet::from_text(const std::string& text, const fs::path& file) 
   if (mode != "live" && mode != "lock-step")
     map.fail(map.find("mode"), "mode is '" + mode + "'; expected live or lock-step");
   set.lock_step = mode == "lock-step";
+  set.lan = map.get<bool>("lan", false, "true or false");
+  set.ttl = set.lan ? 1 : 0;
   if (const YAML::Node node = map.find("lcm")) {
-    StrictMap lcm(node, file.string(), "lcm", {"group", "port", "ttl", "receive_buffer"});
+    StrictMap lcm(node, file.string(), "lcm", {"group", "port", "prefix", "ttl", "receive_buffer"});
     set.group = lcm.get<std::string>("group", set.group, "a multicast address");
     unsigned a = 0, b = 0, c = 0, d = 0;
     char rest = 0;
@@ -195,6 +213,16 @@ ProcessSet ProcessSet::from_text(const std::string& text, const fs::path& file) 
       lcm.fail(node, "group is '" + set.group + "'; expected 224.0.0.0 to 239.255.255.255");
     set.port = lcm.integer("port", set.port, 1024, 65535);
     set.ttl = lcm.integer("ttl", set.ttl, 0, 255);
+    if ((set.ttl > 0) != set.lan)
+      lcm.fail(lcm.find("ttl"), set.lan ? "ttl is 0, but the set says lan: true; leave ttl out"
+                                        : "ttl is " + std::to_string(set.ttl) +
+                                              ", but messages leave this host only when the set "
+                                              "says lan: true (which makes the ttl 1)");
+    set.prefix = lcm.get<std::string>("prefix", "", "a short name");
+    if (const YAML::Node prefix = lcm.find("prefix")) {
+      if (const auto fault = stage::prefix_fault(set.prefix); !fault.empty())
+        lcm.fail(prefix, fault);
+    }
     set.receive_buffer = lcm.integer("receive_buffer", set.receive_buffer, 65536, 1 << 30);
   }
   if (const YAML::Node node = map.find("sources")) {
@@ -253,7 +281,17 @@ std::vector<std::string> command_line(const ProcessSet& set, const ProcessSpec& 
     args.push_back("--map");
     args.push_back(from + "=" + to);
   }
-  if (process.source) return args;  // waits for nobody and drops nothing
+  if (process.source) {  // waits for nobody and drops nothing
+    const auto add = [&](const char* option, const std::string& value) {
+      if (value.empty()) return;
+      args.emplace_back(option);
+      args.push_back(value);
+    };
+    add("--camera", process.camera);
+    add("--trigger", process.trigger);
+    if (process.rate_hz > 0) add("--rate", fmt::format("{}", process.rate_hz));
+    return args;
+  }
   if (lock_step) {
     args.push_back("--lock-step");
   } else {

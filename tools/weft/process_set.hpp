@@ -20,6 +20,10 @@ struct ProcessSpec {
   int queue = 0;                           // frames waiting at most, live mode; 0: stage's default
   int deadline_ms = 0;                     // wait for a frame's inputs, live mode; 0: default
   int stop_wait_s = 5;                     // grace after SIGINT before SIGKILL
+  // Of a source; empty and 0: the program's own defaults.
+  std::string camera;   // name of the camera, in the name of every frame
+  std::string trigger;  // continuous, single (one frame, then done) or message
+  double rate_hz = 0;   // frames a second
 };
 
 /// Processes that work together, and how they talk.
@@ -29,7 +33,9 @@ struct ProcessSet {
   bool lock_step = false;  // how `weft up` runs it; replay and demo are always lock-step
   std::string group = "239.255.76.67";
   int port = 7667;
-  int ttl = 0;                           // 0: messages never leave this host
+  bool lan = false;    // messages leave this host, and those of others are heard
+  int ttl = 0;         // 0 exactly when not lan
+  std::string prefix;  // of every channel's name on the wire: robots of one LAN; empty: none
   int receive_buffer = 4 * 1024 * 1024;  // bytes asked of the kernel
   std::vector<std::string> sources;      // channels a replay plays from the log
   std::vector<ProcessSpec> processes;    // in pipeline order

@@ -7,6 +7,7 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <chrono>
 #include <cstdlib>
 #include <fstream>
@@ -81,6 +82,8 @@ CommandResult run_command(const std::vector<std::string>& command) {
 }
 
 std::string supervisor_config(const ProcessSet& set) {
+  // A source is started when the stages are ready for its frames. It may come to its end: the last
+  // scan, the one frame that was asked for.
   // Processes are looked at once a second. startsecs=0: a process that dies right after it was
   // restarted is no reason to give it up, and it is started again at most once a second.
   std::string text = fmt::format(R"([unix_http_server]
@@ -109,8 +112,8 @@ serverurl=unix://%(here)s/{}
 command=/bin/sh {0}.sh
 directory=%(here)s
 priority={1}
-autostart=true
-autorestart=true
+autostart={4}
+autorestart={3}
 startsecs=0
 startretries=1000
 stopsignal=INT
@@ -121,7 +124,8 @@ stdout_logfile=%(here)s/{0}.log
 stdout_logfile_maxbytes=10MB
 stdout_logfile_backups=2
 )",
-                        process.name, priority++, process.stop_wait_s);
+                        process.name, priority++, process.stop_wait_s,
+                        process.source ? "unexpected" : "true", !process.source);
   }
   return text;
 }
@@ -183,6 +187,7 @@ void RunFolder::write(const ProcessSet& set, const std::string& url, bool lock_s
   nlohmann::json json{{"set", set.name}, {"file", set.file.string()}, {"url", url}};
   for (const auto& process : set.processes) {
     json["processes"].push_back(process.name);
+    if (process.source) json["sources"].push_back(process.name);
     fs::remove(folder_ / (process.name + ".starts"));
     write_text_file(
         folder_ / (process.name + ".sh"),
@@ -269,6 +274,13 @@ void RunFolder::stop() const {
 }
 
 std::string RunFolder::url() const { return read_info(folder_).at("url"); }
+
+fs::path RunFolder::set_file() const { return read_info(folder_).at("file").get<std::string>(); }
+
+bool RunFolder::is_source(const std::string& process) const {
+  const auto sources = read_info(folder_).value("sources", std::vector<std::string>{});
+  return std::find(sources.begin(), sources.end(), process) != sources.end();
+}
 
 std::vector<std::string> RunFolder::names() const { return read_info(folder_).at("processes"); }
 

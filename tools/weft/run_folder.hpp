@@ -41,7 +41,9 @@ class RunFolder {
   std::string control(const std::vector<std::string>& args) const;
 
   std::string url() const;
+  std::filesystem::path set_file() const;
   std::vector<std::string> names() const;
+  bool is_source(const std::string& process) const;  // may come to its end
   std::filesystem::path log(const std::string& process) const;
   const std::filesystem::path& path() const { return folder_; }
 

@@ -17,13 +17,15 @@ std::atomic<bool> stop_signal{false};
 
 class LcmBus : public Bus {
  public:
-  LcmBus(const stage::LcmUrl& url, const std::string& channels) : lcm_(stage::connect(url)) {
-    auto* subscription = lcm_->subscribeFunction(channels, &LcmBus::on_message, this);
+  LcmBus(const stage::LcmUrl& url, const std::string& channels)
+      : url_(url), lcm_(stage::connect(url)) {
+    const auto of_robot = url.prefix.empty() ? channels : url.prefix + "/(" + channels + ")";
+    auto* subscription = lcm_->subscribeFunction(of_robot, &LcmBus::on_message, this);
     if (!subscription) throw Error("LCM cannot subscribe");
     subscription->setQueueCapacity(0);
   }
   void publish(const std::string& channel, const std::vector<std::uint8_t>& data) override {
-    if (lcm_->publish(channel, data.data(), static_cast<unsigned>(data.size())) != 0)
+    if (lcm_->publish(url_.wire(channel), data.data(), static_cast<unsigned>(data.size())) != 0)
       throw Error("LCM cannot send " + std::to_string(data.size()) + " bytes on " + channel);
   }
   std::optional<BusMessage> receive(std::chrono::milliseconds timeout) override {
@@ -43,8 +45,9 @@ class LcmBus : public Bus {
   static void on_message(const lcm::ReceiveBuffer* buffer, const std::string& channel,
                          LcmBus* self) {
     const auto* data = static_cast<const std::uint8_t*>(buffer->data);
-    self->arrived_.push_back({channel, {data, data + buffer->data_size}});
+    self->arrived_.push_back({self->url_.local(channel), {data, data + buffer->data_size}});
   }
+  const stage::LcmUrl url_;
   std::unique_ptr<lcm::LCM> lcm_;
   std::deque<BusMessage> arrived_;
 };
@@ -138,6 +141,7 @@ stage::LcmUrl url_of(const ProcessSet& set) {
   url.port = set.port;
   url.ttl = set.ttl;
   url.recv_buf_size = set.receive_buffer;
+  url.prefix = set.prefix;
   return url;
 }
 

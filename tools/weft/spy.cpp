@@ -14,6 +14,7 @@ namespace {
 constexpr std::int64_t kMemory_us = 60'000'000;
 constexpr std::size_t kMostRecent = 100'000;
 constexpr std::size_t kMostSessions = 64;
+constexpr std::size_t kMostChannels = 1000;
 
 /// "cells" of "cells[3][1]"; empty when the path is no element of an array of plain values.
 std::string array_of(const std::string& path) {
@@ -25,9 +26,17 @@ std::string array_of(const std::string& path) {
 
 }  // namespace
 
+bool plain_channel(const std::string& channel) {
+  constexpr std::size_t kLongest = 63;
+  return !channel.empty() && channel.size() <= kLongest &&
+         std::all_of(channel.begin(), channel.end(), [](char c) { return c >= ' ' && c <= '~'; });
+}
+
 void SpyTable::add(const BusMessage& message, std::int64_t now_us) {
   if (first_us_ == 0) first_us_ = now_us;
-  auto& channel = channels_[message.channel];
+  std::string name = plain_channel(message.channel) ? message.channel : "(unreadable)";
+  if (channels_.size() >= kMostChannels && !channels_.contains(name)) name = "(more)";
+  auto& channel = channels_[name];
   if (channel.total.messages > 0)
     channel.longest_gap_us = std::max(channel.longest_gap_us, now_us - channel.newest_us);
   channel.newest_us = now_us;

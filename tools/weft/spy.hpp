@@ -27,9 +27,15 @@ struct SpyRow {
   std::int64_t damaged = 0;  // messages that do not decode
 };
 
+/// Whether a log and a screen can hold a channel's name: 1 to 63 printable characters of ASCII.
+/// Anybody may send others.
+bool plain_channel(const std::string& channel);
+
 class SpyTable {
  public:
   explicit SpyTable(const MessageTypes& types) : types_(types) {}
+  /// Channels whose names are not plain are counted together, as "(unreadable)", and
+  /// those beyond a thousand as "(more)".
   void add(const BusMessage& message, std::int64_t now_us);
   /// Rates are those of the last window_s, or of all the time since the first message heard on any
   /// channel when that is less.

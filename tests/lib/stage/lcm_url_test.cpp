@@ -29,6 +29,19 @@ TEST(LcmUrl, ReadsEveryPiece) {
   EXPECT_EQ(LcmUrl::parse("file:///a.lcm?speed=0").to_string(), "file:///a.lcm?speed=0");
 }
 
+TEST(LcmUrl, APrefixNamesEveryChannelAnewAndIsKeptFromLcm) {
+  const auto url = LcmUrl::parse("udpm://?ttl=1&prefix=robot-2");
+  EXPECT_EQ(url.prefix, "robot-2");
+  EXPECT_EQ(LcmUrl::parse(url.to_string()).prefix, "robot-2");
+  EXPECT_EQ(url.to_lcm_string(), "udpm://239.255.76.67:7667?ttl=1&recv_buf_size=4194304");
+  EXPECT_EQ(url.wire("STAGE_STATUS"), "robot-2/STAGE_STATUS");
+  EXPECT_EQ(url.local("robot-2/STAGE_STATUS"), "STAGE_STATUS");
+  EXPECT_EQ(LcmUrl().wire("WORDS"), "WORDS");
+  EXPECT_EQ(LcmUrl().local("WORDS"), "WORDS");
+  for (const char* wrong : {"", "a/b", "a b", "a.b", "1234567890123456789012345"})
+    EXPECT_NE(prefix_fault(wrong), "") << wrong;
+}
+
 TEST(LcmUrl, TakesTheEnvironmentsUrl) {
   setenv("LCM_DEFAULT_URL", "udpm://239.255.76.67:7700?ttl=1", 1);
   EXPECT_EQ(LcmUrl::parse("").port, 7700);
@@ -53,6 +66,7 @@ TEST(LcmUrl, NamesTheWrongPiece) {
   EXPECT_NE(error("udpm://?ttl=x").find("ttl"), std::string::npos);
   EXPECT_NE(error("udpm://?ttl=256").find("ttl"), std::string::npos);
   EXPECT_NE(error("udpm://?tll=1").find("tll"), std::string::npos);
+  EXPECT_NE(error("udpm://?prefix=a/b").find("a/b"), std::string::npos);
   EXPECT_NE(error("udpm://?recv_buf_size=1").find("recv_buf_size"), std::string::npos);
 }
 
@@ -63,6 +77,17 @@ TEST(LcmUrl, WarnsOfSmallReceiveBuffersWithTheRemedy) {
   const auto warning = receive_buffer_warning(url, 212992);
   EXPECT_NE(warning.find("212992"), std::string::npos);
   EXPECT_NE(warning.find("sysctl -w net.core.rmem_max=4194304"), std::string::npos);
+}
+
+TEST(LcmUrl, WarnsOfLittleMemoryForFragmentsOnALan) {
+  const auto lan = LcmUrl::parse("udpm://?ttl=1");
+  const FragmentMemory stock{4'194'304, 30};
+  EXPECT_EQ(fragment_warning(LcmUrl(), stock), "") << "nothing comes from other hosts";
+  EXPECT_EQ(fragment_warning(lan, {67'108'864, 30}), "");
+  EXPECT_EQ(fragment_warning(lan, {4'194'304, 2}), "");
+  const auto warning = fragment_warning(lan, stock);
+  EXPECT_NE(warning.find("sysctl -w net.ipv4.ipfrag_time=2"), std::string::npos) << warning;
+  EXPECT_EQ(fragment_warning(lan, {67'108'864, 2}), "") << "the remedy";
 }
 
 TEST(LcmUrl, ReadsTheKernelsLimit) {

@@ -8,6 +8,7 @@
 #include "base/hash.hpp"
 #include "fake_stage.hpp"
 #include "weft/camera_pose_t.hpp"
+#include "weft/clock_pong_t.hpp"
 #include "weft/image_prior_t.hpp"
 #include "weft/keyframe_t.hpp"
 #include "weft/map_content_t.hpp"
@@ -43,6 +44,7 @@ const std::map<std::string, Known>& known_types() {
       {"camera_pose_t", {now<camera_pose_t>(), 0xee3b475679bc18abu}},
       {"cylinder_segment_t", {now<cylinder_segment_t>(), 0xebb0a4ba6c8fe445u}},
       {"features_t", {now<features_t>(), 0xff841f90eafa3389u}},
+      {"clock_pong_t", {now<clock_pong_t>(), 0x2fb1200a44ae4959u}},
       {"foreground_t", {now<foreground_t>(), 0xb35ec6fbd1eb45d9u}},
       {"grasp_t", {now<grasp_t>(), 0x04d9318dbfb11f33u}},
       {"grasps_t", {now<grasps_t>(), 0xe863abdf0bd0053eu}},

@@ -156,8 +156,12 @@ TEST(Runner, AnswersImpossibleContentWithFailed) {
   expect_failed(m);
   m.part_index = -1;
   expect_failed(m);
-  EXPECT_EQ(driver.runner.counters().invalid_inputs, 5);
-  EXPECT_EQ(driver.runner.counters().frames_failed, 5);
+  m = frame(header(0));
+  m.data.resize(kMaxMessageBytes);  // what the rest takes makes it too long
+  m.data_size = static_cast<std::int32_t>(m.data.size());
+  expect_failed(m);
+  EXPECT_EQ(driver.runner.counters().invalid_inputs, 6);
+  EXPECT_EQ(driver.runner.counters().frames_failed, 6);
 }
 
 TEST(Runner, AnswersForAStageThatThrows) {

@@ -34,7 +34,8 @@ class ProcessSetTest : public testing::Test {
 TEST_F(ProcessSetTest, ReadsEveryKey) {
   const auto set = read(R"(name: two-of-them
 mode: lock-step
-lcm: {ttl: 1, group: 239.1.2.3, port: 7700, receive_buffer: 1000000}
+lan: true
+lcm: {ttl: 2, group: 239.1.2.3, port: 7700, prefix: robot-1, receive_buffer: 1000000}
 sources: [RGBD_FRAME]
 processes:
   - {name: mask, exec: weft-mask}
@@ -47,14 +48,17 @@ processes:
     queue: 3
     deadline_ms: 500
     stop_wait_s: 9
+  - {name: eye, exec: weft-capture, source: true, camera: left, trigger: message, rate_hz: 2.5}
 )");
   EXPECT_EQ(set.name, "two-of-them");
   EXPECT_TRUE(set.lock_step);
-  EXPECT_EQ(set.ttl, 1);
+  EXPECT_TRUE(set.lan);
+  EXPECT_EQ(set.ttl, 2);
+  EXPECT_EQ(set.prefix, "robot-1");
   EXPECT_EQ(set.group, "239.1.2.3");
   EXPECT_EQ(set.port, 7700);
   EXPECT_EQ(set.receive_buffer, 1000000);
-  ASSERT_EQ(set.processes.size(), 2u);
+  ASSERT_EQ(set.processes.size(), 3u);
   const auto& words = set.processes[1];
   EXPECT_EQ(words.settings, folder_ / "stages" / "words.yaml");
   EXPECT_EQ(words.with,
@@ -64,6 +68,9 @@ processes:
   EXPECT_EQ(words.queue, 3);
   EXPECT_EQ(words.deadline_ms, 500);
   EXPECT_EQ(words.stop_wait_s, 9);
+  EXPECT_EQ(set.processes[2].camera, "left");
+  EXPECT_EQ(set.processes[2].trigger, "message");
+  EXPECT_EQ(set.processes[2].rate_hz, 2.5);
 }
 
 TEST_F(ProcessSetTest, DefaultsAreLiveAndStayOnThisHost) {
@@ -71,6 +78,7 @@ TEST_F(ProcessSetTest, DefaultsAreLiveAndStayOnThisHost) {
   EXPECT_EQ(set.name, "x");
   EXPECT_FALSE(set.lock_step);
   EXPECT_EQ(set.ttl, 0);
+  EXPECT_EQ(read("lan: true\nsources: [A]\nprocesses: [{name: a, exec: b}]\n").ttl, 1);
 }
 
 TEST_F(ProcessSetTest, ErrorsNameFileLineAndWhatWasExpected) {
@@ -80,6 +88,17 @@ TEST_F(ProcessSetTest, ErrorsNameFileLineAndWhatWasExpected) {
   EXPECT_EQ(error("mode: fast" + tail), "x.yaml:1: mode is 'fast'; expected live or lock-step");
   EXPECT_EQ(error("lcm: {ttl: 300}" + tail),
             "x.yaml:1: ttl is 300; expected a whole number from 0 to 255");
+  EXPECT_EQ(error("lcm: {ttl: 1}" + tail),
+            "x.yaml:1: ttl is 1, but messages leave this host only when the set says lan: true "
+            "(which makes the ttl 1)");
+  EXPECT_EQ(error("lan: true\nlcm: {ttl: 0}" + tail),
+            "x.yaml:2: ttl is 0, but the set says lan: true; leave ttl out");
+  EXPECT_EQ(error("lcm: {prefix: a/b}" + tail),
+            "x.yaml:1: the prefix 'a/b' must be 1 to 24 letters, digits, _ or -");
+  EXPECT_EQ(error("sources: [A]\nprocesses:\n  - {name: a, exec: b, trigger: single}"),
+            "x.yaml:3: trigger is for a process with source: true");
+  EXPECT_EQ(error("sources: [A]\nprocesses:\n  - {name: a, exec: b, source: true, trigger: never}"),
+            "x.yaml:3: trigger is 'never'; expected continuous, single or message");
   EXPECT_EQ(error("lcm: {ttl: near}" + tail),
             "x.yaml:1: ttl of lcm must be a whole number from 0 to 255");
   EXPECT_EQ(error("lcm: {group: 10.0.0.1}" + tail),
@@ -91,9 +110,10 @@ TEST_F(ProcessSetTest, ErrorsNameFileLineAndWhatWasExpected) {
       "x.yaml:4: two processes are named 'a'");
   EXPECT_EQ(error("sources: [RGBD_FRAME]\nprocesses:\n  - {name: a}"),
             "x.yaml:3: a process has no key 'exec'; expected a program beside weft, or a path");
-  EXPECT_EQ(error("sources: [RGBD_FRAME]\nprocesses:\n  - name: a\n    exec: b\n    sett: c"),
-            "x.yaml:5: unknown key 'sett' in a process; expected one of: deadline_ms, exec, host, "
-            "map, name, queue, settings, source, stop_wait_s, with");
+  EXPECT_EQ(
+      error("sources: [RGBD_FRAME]\nprocesses:\n  - name: a\n    exec: b\n    sett: c"),
+      "x.yaml:5: unknown key 'sett' in a process; expected one of: camera, deadline_ms, exec, "
+      "host, map, name, queue, rate_hz, settings, source, stop_wait_s, trigger, with");
   EXPECT_NE(error("sources: [RGBD_FRAME]\nprocesses:\n  - {name: a, exec: b, settings: no.yaml}")
                 .find("x.yaml:3: settings file "),
             std::string::npos);
@@ -122,6 +142,12 @@ TEST_F(ProcessSetTest, CommandLinesCarryWhatTheSetSays) {
                                       (folder_ / "stages/words.yaml").string(), "--set", "k=1",
                                       "--map", "X=Y", "--queue", "2"}));
   EXPECT_EQ(command_line(set, set.processes[0], "url", true).back(), "--lock-step");
+  set = read(
+      "sources: [RGBD_FRAME]\nprocesses: [{name: a, exec: /bin/sh, source: true, camera: left, "
+      "trigger: single, rate_hz: 10}]\n");
+  EXPECT_EQ(command_line(set, set.processes[0], "url", true),
+            (std::vector<std::string>{"/bin/sh", "--name", "a", "--url", "url", "--camera", "left",
+                                      "--trigger", "single", "--rate", "10"}));
 }
 
 }  // namespace

@@ -47,6 +47,24 @@ TEST(Spy, CountsRatesGapsAndFaults) {
   EXPECT_NE(to_text(rows).find("PART_DETECTIONS"), std::string::npos);
 }
 
+TEST(Spy, NamesThatNobodyCanReadAndTooManyNamesAreCountedTogether) {
+  const auto types = MessageTypes::built_in();
+  SpyTable table(types);
+  for (const std::string name : {"", "\033[2J", "A\nB", "\xff"}) table.add({name, {1}}, 1);
+  table.add({std::string(64, 'x'), {1}}, 1);
+  auto rows = table.rows(2, 1.0);
+  ASSERT_EQ(rows.size(), 1u);
+  EXPECT_EQ(rows[0].channel, "(unreadable)");
+  EXPECT_EQ(rows[0].messages, 5);
+  for (int i = 0; i < 3000; ++i) table.add({"C" + std::to_string(i), {1}}, 1);
+  rows = table.rows(2, 1.0);
+  EXPECT_EQ(rows.size(), 1001u);
+  const auto more = std::find_if(rows.begin(), rows.end(),
+                                 [](const SpyRow& row) { return row.channel == "(more)"; });
+  ASSERT_NE(more, rows.end());
+  EXPECT_EQ(more->messages, 3000 - 999);
+}
+
 TEST(Spy, ShowsFieldsWithArraysInALine) {
   SpyTable table(MessageTypes::built_in());
   auto words = stage::fake::message<words_t>(stage::fake::header(1));
