@@ -29,7 +29,7 @@ class StrictMap {
     for (const auto& each : keys) known += (known.empty() ? "" : ", ") + each;
     std::set<std::string> seen;
     for (const auto& entry : node_) {
-      const auto key = entry.first.as<std::string>();
+      const auto key = key_of(entry.first);
       if (!keys.contains(key))
         fail(entry.first, "unknown key '" + key + "' in " + what_ + "; expected one of: " + known);
       if (!seen.insert(key).second) fail(entry.first, "key '" + key + "' stands twice in " + what_);
@@ -57,9 +57,13 @@ class StrictMap {
   }
   YAML::Node find(const char* key) const {
     for (const auto& entry : node_) {
-      if (entry.first.as<std::string>() == key) return entry.second;
+      if (key_of(entry.first) == key) return entry.second;
     }
     return YAML::Node(YAML::NodeType::Undefined);
+  }
+  std::string key_of(const YAML::Node& key) const {
+    if (!key.IsScalar()) fail(key, "a key of " + what_ + " must be a word");
+    return key.Scalar();
   }
   [[noreturn]] void fail(const YAML::Node& at, const std::string& text) const {
     const int line = at.Mark().line;
@@ -103,7 +107,7 @@ void flatten(const StrictMap& map, const YAML::Node& node, const std::string& pa
              std::vector<std::string>& out) {
   if (node.IsMap()) {
     for (const auto& entry : node) {
-      const auto key = entry.first.as<std::string>();
+      const auto key = map.key_of(entry.first);
       flatten(map, entry.second, path.empty() ? key : path + "." + key, out);
     }
     return;
@@ -143,7 +147,7 @@ ProcessSpec read_process(const YAML::Node& node, const fs::path& file) {
   if (const YAML::Node channels = map.find("map")) {
     if (!channels.IsMap()) map.fail(channels, "map must be a map CHANNEL: OTHER");
     for (const auto& entry : channels) {
-      const auto from = entry.first.as<std::string>();
+      const auto from = map.key_of(entry.first);
       const auto to = entry.second.IsScalar() ? entry.second.Scalar() : "";
       check_channel(map, entry.first, from);
       check_channel(map, entry.second, to);

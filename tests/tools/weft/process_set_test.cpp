@@ -121,6 +121,9 @@ TEST_F(ProcessSetTest, ErrorsNameFileLineAndWhatWasExpected) {
             "x.yaml:1: 'A B' is not a channel: 1 to 63 letters, digits, _ @ - or .");
   EXPECT_NE(error("processes: [{name: a, exec: b}]").find("no source channels"), std::string::npos);
   EXPECT_NE(error("sources: [A]\nprocesses: []").find("at least one process"), std::string::npos);
+  EXPECT_EQ(error("{[a]: b}"), "x.yaml:1: a key of the process set must be a word");
+  EXPECT_EQ(error("sources: [A]\nprocesses:\n  - {name: a, exec: b, with: {[c]: 1}}"),
+            "x.yaml:3: a key of a process must be a word");
   EXPECT_NE(error("a: [").find("x.yaml:"), std::string::npos);
   EXPECT_NE(error("just text").find("must be a map"), std::string::npos);
 }
