@@ -54,8 +54,8 @@ class PlaneMapper {
 
   /// Says for each plane segment of the key frame which plane of the map it is: the assignment of
   /// least total chi-squared distance to the planes near it, then further segments in one plane
-  /// with one beside them that was assigned; what is left becomes new planes. Returns whether there are new
-  /// ones. pose_covariance: of the key frame's pose.
+  /// with one beside them that was assigned; what is left becomes new planes. Returns whether there
+  /// are new ones. pose_covariance: of the key frame's pose.
   bool associate(MapEditor& editor, Id key_frame, const Matrix6d& pose_covariance) const;
   /// Adds sightings in the frames since the last key frame, believes planes seen often enough,
   /// removes those that are not. frame_s: time from frame to frame.
