@@ -7,6 +7,7 @@
 #include <cstdio>
 #include <iostream>
 
+#include "base/hash.hpp"
 #include "base/simd.hpp"
 #include "stage/clock.hpp"
 #include "stage/host.hpp"
@@ -25,6 +26,7 @@ struct Common {
   std::string url;
   std::string log_level = "info";
   bool print_settings = false;
+  bool check = false;
 
   void add_to(CLI::App& app) {
     app.add_option("--settings", settings_file, "YAML file with the settings")->type_name("FILE");
@@ -38,7 +40,16 @@ struct Common {
     app.add_option("--log-level", log_level, "trace, debug, info, warn, error")
         ->check(CLI::IsMember({"trace", "debug", "info", "warn", "error"}));
     app.add_flag("--print-settings", print_settings, "print every setting with its default");
+    app.add_flag("--check", check, "read settings and models, print their hashes, and end");
     app.set_version_flag("--version", build_text());
+  }
+
+  /// Whether --check was given; then what it asks for is printed.
+  bool checked(const Interface& interface) const {
+    if (check)
+      std::cout << "settings " << to_hex(interface.settings_hash) << "\nmodel "
+                << to_hex(interface.model_hash) << std::endl;
+    return check;
   }
 
   Settings settings(const std::string& program) const {
@@ -114,6 +125,7 @@ int run_process(int argc, char** argv, const std::string& program, const std::st
     options.runner.channels = common.channels();
     options.runner.deadline_us = std::int64_t{deadline_ms} * 1000;
     const auto stage = factory(common.settings(program));
+    if (common.checked(stage->interface())) return;
     options.url = common.connect_url();
     Host host(*stage, options);
     spdlog::info("{} {} on {}, SIMD {}", program, build_text(), options.url.to_string(),
@@ -155,6 +167,7 @@ int run_source(int argc, char** argv, const std::string& program, const std::str
     if (trigger == "single") options.count = 1;
     options.on_trigger = trigger == "message";
     const auto source = factory(common.settings(program));
+    if (common.checked(source->interface())) return;
     options.url = common.connect_url();
     SourceHost host(*source, options);
     spdlog::info("{} {} on {}, SIMD {}", program, build_text(), options.url.to_string(),

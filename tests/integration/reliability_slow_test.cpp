@@ -1,5 +1,5 @@
-// The long forms of reliability_test.cpp, and its checks with the real set of processes, as ./weft
-// test --slow runs them.
+// The long forms of reliability_test.cpp and lan_test.cpp, and their checks with the real set of
+// processes, as ./weft test --slow runs them.
 #include <gtest/gtest.h>
 
 #include <filesystem>
@@ -42,6 +42,16 @@ std::string parts_set(const std::string& source, const std::string& lines = "") 
 std::string sample_camera(const std::string& more) {
   return "  - {name: eye, exec: weft-test-source, source: true, " + more +
          ", with: {log: " + kSample + "}}\n";
+}
+
+TEST_F(ReliabilitySlow, ThreeHundredFramesArriveCompleteOnThreeHosts) {
+  three_hosts(small_set_on_three_hosts(300, 60'000, 30), small_set(""), 300, 0);
+}
+
+TEST_F(ReliabilitySlow, LostPacketsAreGapsOrMissingInputAndTheRestIsAnswered) {
+  if (run_command({"nft", "--version"}).status != 0) GTEST_SKIP() << "no nft (nftables)";
+  for (const int per_thousand : {1, 20})
+    three_hosts(small_set_on_three_hosts(300, 60'000, 30), small_set(""), 300, per_thousand);
 }
 
 TEST_F(ReliabilitySlow, EachSmallProcessKilledTwentyTimes) {

@@ -4,6 +4,7 @@
 #include <chrono>
 #include <map>
 #include <nlohmann/json.hpp>
+#include <optional>
 #include <set>
 
 #include "base/error.hpp"
@@ -23,11 +24,10 @@ int doctor_command(const DoctorOptions& options, const StageRegistry& registry) 
   char host[256] = {};
   gethostname(host, sizeof host - 1);
   stage::LcmUrl url = stage::LcmUrl::parse("");
-  std::vector<Finding> findings;
+  std::optional<ProcessSet> set;
   if (!options.set.empty()) {
-    const auto set = ProcessSet::from_file(options.set);
-    url = url_of(set);
-    findings = check_set(set, registry, host);
+    set = ProcessSet::from_file(options.set);
+    url = url_of(*set);
   }
   std::map<std::pair<std::string, std::string>, weft::stage_status_t> heard;  // stage, process
   std::set<std::string> hosts;
@@ -62,15 +62,25 @@ int doctor_command(const DoctorOptions& options, const StageRegistry& registry) 
   } catch (const Error&) {
     // check_machine says why.
   }
+  std::vector<weft::stage_status_t> statuses;
+  std::set<std::string> running;
+  for (const auto& [key, status] : heard) {
+    statuses.push_back(status);
+    if (status.host == host) running.insert(status.stage);
+  }
+  std::vector<Finding> findings;
+  if (set) findings = check_set(*set, registry, host, running);
   for (auto& finding :
        check_machine(url, options.folder, options.listen_s > 0 ? bytes / options.listen_s : 0))
     findings.push_back(std::move(finding));
-  std::vector<weft::stage_status_t> statuses;
-  for (const auto& [key, status] : heard) statuses.push_back(status);
   findings.push_back({Kind::kGood,
                       fmt::format("{} stages were heard in {} s", heard.size(), options.listen_s),
                       ""});
   for (auto& finding : mixed_versions(statuses)) findings.push_back(std::move(finding));
+  if (set) {
+    for (auto& finding : differences_from_files(*set, registry, statuses))
+      findings.push_back(std::move(finding));
+  }
   for (auto& finding : clocks.findings(host, hosts)) findings.push_back(std::move(finding));
 
   bool all_well = true;

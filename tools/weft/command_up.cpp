@@ -159,20 +159,26 @@ int down(const std::string& set) {
   return 0;
 }
 
-int status(const StatusOptions& options) {
+int status(const StatusOptions& options, const StageRegistry& registry) {
   // A host that runs nothing of the set listens all the same, where the set file says.
   std::optional<RunFolder> folder;
   stage::LcmUrl url;
-  std::string title;
+  std::string title, not_compared;
+  std::optional<ProcessSet> set;
   if (fs::is_regular_file(options.set)) {
-    const auto set = ProcessSet::from_file(options.set);
-    title = set.name;
-    url = url_of(set);
-    if (fs::exists(run_root() / set.name / "set.json")) folder = RunFolder::find(set.name);
+    set = ProcessSet::from_file(options.set);
+    title = set->name;
+    url = url_of(*set);
+    if (fs::exists(run_root() / set->name / "set.json")) folder = RunFolder::find(set->name);
   } else {
     folder = RunFolder::find(options.set);
     title = folder->path().filename().string();
     url = stage::LcmUrl::parse(folder->url());
+    try {
+      set = ProcessSet::from_file(folder->set_file());
+    } catch (const Error& e) {
+      not_compared = e.what();
+    }
   }
   std::vector<RunFolder::Process> processes;
   if (folder) processes = folder->processes();
@@ -195,11 +201,10 @@ int status(const StatusOptions& options) {
   json["supervisor"] = supervised;
   bool all_well = (supervised || (!folder && !heard.empty())) && not_heard.empty();
   fmt::print(
-      "{:<20} {:<12} {:>7} {:<9} {:>6} {:>7} {:>8} {:>8} {:>7} {:>6} {:>7} {:>6} {:>8} {:>7} {:>7} "
-      " "
-      "{}\n",
+      "{:<20} {:<12} {:>7} {:<9} {:>6} {:>7} {:>8} {:>8} {:>7} {:>6} {:>7} {:>6} {:>8} {:>7} "
+      "{:>7}  {:<8} {:<8}  {}\n",
       "process", "host", "pid", "state", "starts", "up s", "in", "out", "dropped", "failed",
-      "missing", "gaps", "frames/s", "p95 ms", "MB", "last error");
+      "missing", "gaps", "frames/s", "p95 ms", "MB", "settings", "model", "last error");
   const auto show = [&](nlohmann::ordered_json& entry, const Heard& of, const std::string& starts) {
     const auto& [first, last] = of;
     const double seconds = static_cast<double>(last.header.utime - first.header.utime) * 1e-6;
@@ -235,12 +240,16 @@ int status(const StatusOptions& options) {
     }
     entry["resident_bytes"] = last.resident_bytes;
     entry["last_error"] = last.last_error;
+    const auto short_hash = [](std::int64_t hash) {
+      return hash == 0 ? "-" : to_hex(static_cast<std::uint64_t>(hash)).substr(0, 8);
+    };
     fmt::print(
         "{:<20} {:<12} {:>7} {:<9} {:>6} {:>7.0f} {:>8} {:>8} {:>7} {:>6} {:>7} {:>6} {:>8.1f} "
-        "{:>7} {:>7.1f}  {}\n",
+        "{:>7} {:>7.1f}  {:<8} {:<8}  {}\n",
         last.stage, last.host, last.pid, state_name(last.state), starts, up_s, last.frames_in,
         last.frames_out, last.frames_dropped, last.frames_failed, last.frames_missing_input,
-        last.gaps, rate, p95, static_cast<double>(last.resident_bytes) / 1e6, last.last_error);
+        last.gaps, rate, p95, static_cast<double>(last.resident_bytes) / 1e6,
+        short_hash(last.settings_hash), short_hash(last.model_hash), last.last_error);
   };
   for (const auto& process : processes) {
     auto& entry = json["processes"][process.name];
@@ -272,7 +281,12 @@ int status(const StatusOptions& options) {
   std::vector<weft::stage_status_t> statuses;
   for (const auto& [key, each] : everyone) statuses.push_back(each);
   json["problems"] = nlohmann::ordered_json::array();
-  for (const auto& finding : mixed_versions(statuses)) {
+  auto problems = mixed_versions(statuses);
+  if (set) {
+    for (auto& finding : differences_from_files(*set, registry, statuses))
+      problems.push_back(std::move(finding));
+  }
+  for (const auto& finding : problems) {
     all_well = false;
     fmt::print("{}\n  remedy: {}\n", finding.what, finding.remedy);
     json["problems"].push_back(finding.what);
@@ -283,6 +297,8 @@ int status(const StatusOptions& options) {
   else if (!supervised)
     fmt::print(
         "the supervisor is not running; weft down cleans up, weft up starts the set again\n");
+  if (!not_compared.empty())
+    fmt::print("settings and models are not compared with the set's files: {}\n", not_compared);
   if (!not_heard.empty()) fmt::print("cannot listen to the processes: {}\n", not_heard);
   if (!options.json.empty()) write_text_file(options.json, json.dump(2) + "\n");
   return all_well ? 0 : 1;

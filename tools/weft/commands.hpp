@@ -21,7 +21,7 @@ struct StatusOptions {
   std::string json;
   double listen_s = 2.2;
 };
-int status(const StatusOptions& options);
+int status(const StatusOptions& options, const StageRegistry& registry);
 struct LogsOptions {
   std::string process;
   std::string set;

@@ -15,6 +15,7 @@
 #include "base/text_file.hpp"
 #include "stage/lcm_url.hpp"
 #include "stage/net_namespace.hpp"
+#include "tools/weft/run_folder.hpp"
 
 namespace weft {
 namespace {
@@ -110,6 +111,8 @@ std::vector<Finding> mixed_versions(const std::vector<weft::stage_status_t>& sta
     std::int64_t fingerprint = 0;
   };
   std::map<std::string, std::vector<End>> channels;
+  // Instances of one name before the '@' are variants on purpose; others of one name were found.
+  std::map<std::string, std::set<std::string>> models;
   for (const auto& status : statuses) {
     // One that ended before the other of its name and host began is no mistake but its past.
     if (std::any_of(statuses.begin(), statuses.end(), [&](const weft::stage_status_t& other) {
@@ -117,6 +120,7 @@ std::vector<Finding> mixed_versions(const std::vector<weft::stage_status_t>& sta
                  other.started_utime > status.header.utime;
         }))
       continue;
+    models[status.stage].insert(to_hex(static_cast<std::uint64_t>(status.model_hash)));
     const auto process = fmt::format("{} (process {})", status.host, status.pid);
     processes[status.stage].insert(process);
     builds[status.build].insert(status.stage);
@@ -147,10 +151,6 @@ std::vector<Finding> mixed_versions(const std::vector<weft::stage_status_t>& sta
     for (const auto& [build, stages] : builds) text += " " + build + " (" + joined(stages) + ")";
     findings.push_back({Kind::kWarning, text, "update and build on every host: ./weft build"});
   }
-  // Instances of one name before the '@' are variants on purpose; others of one name were found.
-  std::map<std::string, std::set<std::string>> models;
-  for (const auto& status : statuses)
-    models[status.stage].insert(to_hex(static_cast<std::uint64_t>(status.model_hash)));
   for (const auto& [stage, hashes] : models) {
     if (hashes.size() > 1)
       findings.push_back({Kind::kBad, stage + " runs with several models: " + joined(hashes),
@@ -159,8 +159,41 @@ std::vector<Finding> mixed_versions(const std::vector<weft::stage_status_t>& sta
   return findings;
 }
 
+std::vector<Finding> differences_from_files(const ProcessSet& set, const StageRegistry& registry,
+                                            const std::vector<weft::stage_status_t>& statuses) {
+  std::vector<Finding> findings;
+  for (const auto& process : set.processes) {
+    const auto factory = registry.find(process.exec);
+    if (factory == registry.end()) continue;
+    std::unique_ptr<stage::Stage> made;
+    for (const auto& status : statuses) {
+      if (status.stage != process.name) continue;
+      try {
+        if (!made) made = factory->second(settings_of(process));
+      } catch (const Error&) {
+        break;  // the files need not be here; check_set() says so where they must be
+      }
+      const auto compare = [&](const char* what, std::int64_t reported, std::uint64_t here) {
+        const auto there = static_cast<std::uint64_t>(reported);
+        if (there == here) return;
+        findings.push_back(
+            {Kind::kBad,
+             fmt::format("{} on {} (process {}) runs with {} {}, but {} makes {} here",
+                         status.stage, status.host, status.pid, what, to_hex(there),
+                         set.file.string(), to_hex(here)),
+             fmt::format("give every host the same set, settings and models, then on {}: weft down "
+                         "and weft up (weft restart {} where the set file is the same)",
+                         status.host, status.stage)});
+      };
+      compare("settings", status.settings_hash, made->interface().settings_hash);
+      compare("models", status.model_hash, made->interface().model_hash);
+    }
+  }
+  return findings;
+}
+
 std::vector<Finding> check_set(const ProcessSet& set, const StageRegistry& registry,
-                               const std::string& host) {
+                               const std::string& host, const std::set<std::string>& running) {
   std::vector<Finding> findings;
   std::set<std::string> hosts;
   for (const auto& process : set.processes) {
@@ -169,14 +202,24 @@ std::vector<Finding> check_set(const ProcessSet& set, const StageRegistry& regis
     try {
       find_program(set, process);
       const auto factory = registry.find(process.exec);
-      if (factory == registry.end()) {
+      const bool own = process.exec.find('/') != std::string::npos;
+      if (factory == registry.end() && (own || running.contains(process.name))) {
         findings.push_back({Kind::kGood, process.name + ": its program is there", ""});
         continue;
       }
-      auto settings = process.settings.empty() ? Settings::empty(process.name)
-                                               : Settings::from_file(process.settings.string());
-      for (const auto& assignment : process.with) settings.set(assignment);
-      const auto made = factory->second(settings);
+      if (factory == registry.end()) {
+        auto command = command_line(set, process, url_of(set).to_string(), set.lock_step);
+        command.emplace_back("--check");
+        const auto result = run_command(command);
+        if (result.status != 0) {
+          const auto at = result.output.find("error: ");
+          const auto from = at == std::string::npos ? 0 : at + 7;
+          throw Error(result.output.substr(from, result.output.find('\n', from) - from));
+        }
+        findings.push_back({Kind::kGood, process.name + ": program, settings and source", ""});
+        continue;
+      }
+      const auto made = factory->second(settings_of(process));
       findings.push_back({Kind::kGood,
                           fmt::format("{}: program, settings and models (hash {})", process.name,
                                       to_hex(made->interface().model_hash)),
@@ -241,10 +284,16 @@ weft::header_t ClockExchange::question(std::int64_t now_us) {
 void ClockExchange::take(const weft::clock_pong_t& pong, std::int64_t now_us) {
   const auto& [utime, camera, session, seq, frame] = pong.header;
   if (session != session_ || seq < 0 || seq >= static_cast<std::int64_t>(sent_us_.size())) return;
+  // Anybody may answer: within these bounds no difference overflows.
+  constexpr std::int64_t kLatest_us = std::int64_t{1} << 60;
+  if (pong.received_utime < 0 || pong.answered_utime < pong.received_utime ||
+      pong.answered_utime > kLatest_us || pong.set_by_us < -kLatest_us ||
+      pong.set_by_us > kLatest_us)
+    return;
   const std::int64_t sent_us = sent_us_[static_cast<std::size_t>(seq)];
   const std::int64_t there = pong.received_utime - sent_us, back = now_us - pong.answered_utime;
   const std::int64_t on_the_way = there + back;
-  if (on_the_way < 0 || pong.answered_utime < pong.received_utime) return;
+  if (on_the_way < 0) return;
   auto& host = hosts_[pong.host];
   if (host.exchanges++ == 0 || on_the_way < host.on_the_way_us) {
     host.on_the_way_us = on_the_way;

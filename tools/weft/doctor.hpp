@@ -28,9 +28,15 @@ struct Finding {
 std::vector<Finding> mixed_versions(const std::vector<weft::stage_status_t>& statuses);
 
 /// Programs, settings and models of the processes of this host; a TTL of 0 in a set of several
-/// hosts.
+/// hosts. running: processes that hold a camera already, which is then not opened again.
 std::vector<Finding> check_set(const ProcessSet& set, const StageRegistry& registry,
-                               const std::string& host);
+                               const std::string& host, const std::set<std::string>& running = {});
+
+/// Stages, on any host, that run with other settings or models than the set and the files it names
+/// make here: a file was changed since they started, or differs between the hosts. Stages whose
+/// files are not here are not looked at, nor are programs of the user's own.
+std::vector<Finding> differences_from_files(const ProcessSet& set, const StageRegistry& registry,
+                                            const std::vector<weft::stage_status_t>& statuses);
 
 /// Multicast route and loopback, receive buffer, memory for the pieces of messages from other
 /// hosts, cameras, disk. record_bytes_per_s: what a recording takes; 0: not known.

@@ -116,7 +116,7 @@ int run(int argc, char** argv) {
   sub->add_option("--listen-s", status_options.listen_s, "how long to listen to STAGE_STATUS")
       ->check(CLI::Range(0.1, 60.0))
       ->capture_default_str();
-  sub->callback([&] { chosen = [&] { return status(status_options); }; });
+  sub->callback([&] { chosen = [&] { return status(status_options, built_in_stages()); }; });
 
   LogsOptions logs_options;
   sub = app.add_subcommand("logs", "what a process of a running set wrote");

@@ -60,10 +60,7 @@ class InProcessBus : public Bus {
       if (factory == registry.end())
         throw Error("process " + process.name + " of " + set.file.string() + " is " + process.exec +
                     ", which only runs as a process of its own; this needs LCM's multicast");
-      auto settings = process.settings.empty() ? Settings::empty(process.name)
-                                               : Settings::from_file(process.settings.string());
-      for (const auto& assignment : process.with) settings.set(assignment);
-      stages_.add(factory->second(settings), process.name,
+      stages_.add(factory->second(settings_of(process)), process.name,
                   stage::ChannelMap(process.map.begin(), process.map.end()));
     }
     stages_.observe([this](const std::string& channel, const std::vector<std::uint8_t>& bytes) {
@@ -133,6 +130,13 @@ std::unique_ptr<Bus> make_lcm_bus(const stage::LcmUrl& url, const std::string& c
 
 std::unique_ptr<Bus> make_in_process_bus(const ProcessSet& set, const StageRegistry& registry) {
   return std::make_unique<InProcessBus>(set, registry);
+}
+
+Settings settings_of(const ProcessSpec& process) {
+  auto settings = process.settings.empty() ? Settings::empty(process.name)
+                                           : Settings::from_file(process.settings.string());
+  for (const auto& assignment : process.with) settings.set(assignment);
+  return settings;
 }
 
 stage::LcmUrl url_of(const ProcessSet& set) {

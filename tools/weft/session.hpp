@@ -43,6 +43,8 @@ std::unique_ptr<Bus> make_lcm_bus(const stage::LcmUrl& url, const std::string& c
 std::unique_ptr<Bus> make_in_process_bus(const ProcessSet& set, const StageRegistry& registry);
 
 stage::LcmUrl url_of(const ProcessSet& set);
+/// Its settings file's, and over them those of the set. Throws Error where a file is not there.
+Settings settings_of(const ProcessSpec& process);
 
 /// A set that runs in lock-step from here to the end of this object, and its player.
 class Session {

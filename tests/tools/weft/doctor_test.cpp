@@ -2,6 +2,8 @@
 
 #include <gtest/gtest.h>
 
+#include <limits>
+
 #include "integration/test_stage.hpp"
 #include "support/files.hpp"
 
@@ -70,6 +72,48 @@ TEST(Doctor, ChecksTheProcessesOfThisHost) {
   EXPECT_NE(hosts[1].remedy.find("lan: true"), std::string::npos);
 }
 
+TEST(Doctor, AsksAProgramThatItDoesNotHoldToCheckItself) {
+  const test::TemporaryFolder folder;
+  const auto set = ProcessSet::from_text(
+      "sources: [RGBD_FRAME]\nprocesses:\n  - {name: eye, exec: weft-capture, source: true, with: "
+      "{colours: 1}}\n",
+      folder / "set.yaml");
+  const auto bad = check_set(set, {}, "robot-1").at(0);
+  EXPECT_EQ(bad.kind, Kind::kBad);
+  EXPECT_NE(bad.what.find("unknown key 'colours'"), std::string::npos) << bad.what;
+  EXPECT_EQ(check_set(set, {}, "robot-1", {"eye"}).at(0).kind, Kind::kGood)
+      << "one that runs has its camera, which nobody else can open";
+}
+
+TEST(Doctor, PointsOutStagesThatRunWithOtherSettingsOrModelsThanTheirFilesMake) {
+  const test::TemporaryFolder folder;
+  test::write_bytes(folder / "mask.yaml", "kind: mask\n");
+  const auto set = ProcessSet::from_text(
+      "sources: [RGBD_FRAME]\nprocesses:\n"
+      "  - {name: mask, exec: weft-test-stage, settings: mask.yaml}\n"
+      "  - {name: gone, exec: weft-test-stage, with: {kind: colour}}\n"
+      "  - {name: own, exec: ./mine}\n",
+      folder / "set.yaml");
+  const StageRegistry registry{{"weft-test-stage", test_stage::make_stage}};
+  const auto made = registry.at("weft-test-stage")(Settings::from_file(folder / "mask.yaml"));
+  auto as_here = status("mask", "robot-2", 7, 5);
+  as_here.settings_hash = static_cast<std::int64_t>(made->interface().settings_hash);
+  as_here.model_hash = static_cast<std::int64_t>(made->interface().model_hash);
+  auto gone = status("gone", "robot-2", 8, 5), own = status("own", "robot-2", 9, 5);
+  gone.model_hash = own.model_hash = 1;
+  EXPECT_TRUE(differences_from_files(set, registry, {as_here, gone, own}).empty());
+  auto other = as_here;
+  other.model_hash ^= 0xabc;
+  const auto findings = differences_from_files(set, registry, {as_here, other});
+  ASSERT_EQ(findings.size(), 1u);
+  EXPECT_NE(findings[0].what.find("mask on robot-2 (process 7) runs with models "),
+            std::string::npos)
+      << findings[0].what;
+  EXPECT_NE(findings[0].remedy.find("weft restart mask"), std::string::npos);
+  other.settings_hash ^= 1;
+  EXPECT_EQ(differences_from_files(set, registry, {other}).size(), 2u);
+}
+
 TEST(Doctor, ChecksTheMachine) {
   stage::LcmUrl url;
   url.recv_buf_size = 1 << 30;
@@ -110,6 +154,12 @@ TEST(Doctor, TellsHowFarClocksAreApartFromMessagesThereAndBack) {
   exchange.take(answer(7, 2, 5'000'000, 0, 0), 5'000'000);
   exchange.take(answer(7, -1, 5'000'000, 0, 0), 5'000'000);
   EXPECT_EQ(exchange.hosts().at("robot-2").exchanges, 2) << "answers to questions of others";
+  auto hostile = answer(7, 1, 2'000'000, 1000, 0);
+  hostile.received_utime = std::numeric_limits<std::int64_t>::min();
+  exchange.take(hostile, 2'002'500);
+  hostile.received_utime = hostile.answered_utime = std::numeric_limits<std::int64_t>::max();
+  exchange.take(hostile, 2'002'500);
+  EXPECT_EQ(exchange.hosts().at("robot-2").exchanges, 2) << "times that nobody's clock shows";
   auto findings = exchange.findings("robot-1", {"robot-1", "robot-2", "robot-3"});
   ASSERT_EQ(findings.size(), 2u);
   EXPECT_NE(findings[0].what.find("robot-3: no process there answers"), std::string::npos);
