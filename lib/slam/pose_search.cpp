@@ -281,6 +281,8 @@ std::optional<PoseEstimate> PoseSearch::by_looks(const FrameInput& input,
   estimate.T_camera_world = result.T_camera_world;
   estimate.information = result.information;
   estimate.observed_directions = result.observed_directions;
+  estimate.point_inliers = result.point_inliers;
+  estimate.plane_inliers = result.plane_inliers;
   for (std::size_t k = 0; k < pair_of.size(); ++k)
     if (result.point_inlier[k] != 0) estimate.points[pair_of[k]->feature] = pair_of[k]->id;
   return estimate;
@@ -362,6 +364,16 @@ std::string PoseSearch::objection(const PoseEstimate& estimate, int least_points
     return "the pose is known to " + std::to_string(sigma(0) / kDegree) + " deg and " +
            std::to_string(sigma(1)) + " m only";
   return "";
+}
+
+bool PoseSearch::doubtful(const FrameInput& input, const PoseEstimate& estimate) const {
+  constexpr int kSeveral = 2;
+  const auto large = std::count_if(input.planes.begin(), input.planes.end(), [&](const auto& s) {
+    return s.cells >= options_.new_plane_cells;
+  });
+  return options_.use_planes && large >= kSeveral && estimate.plane_inliers == 0 &&
+         static_cast<int>(map_.planes().size()) >= kSeveral &&
+         estimate.point_inliers < 2 * options_.points_to_relocalise;
 }
 
 }  // namespace weft::slam

@@ -66,8 +66,13 @@ class PoseSearch {
   Id reference(const PoseEstimate& estimate) const;
 
   /// Why the estimate is not to be believed; empty: it is. least_points: that must agree where
-  /// planes do not help; half of that where these fix the rotation, a third where all.
+  /// planes do not help; a third of that where these fix the rotation, a fifth where all.
   std::string objection(const PoseEstimate& estimate, int least_points) const;
+
+  /// Whether several large planes are seen and none of them is where the estimate has the map's,
+  /// with few points besides: then like corners of a furniture's other side may have been taken for
+  /// each other, and a pose that planes agree with is to be preferred.
+  bool doubtful(const FrameInput& input, const PoseEstimate& estimate) const;
 
  private:
   std::vector<Id> recognise_planes(const FrameInput& input, const Rigid3d& T_camera_world,

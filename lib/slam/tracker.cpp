@@ -178,11 +178,15 @@ bool Tracker::Impl::try_looks(const FrameInput& input, const FeatureGrid& grid,
                               PoseEstimate& estimate) {
   const auto found = search_.by_looks(input, source);
   if (!found) return false;
-  estimate = *found;
-  const auto local = search_.local(estimate, reference);
-  search_.by_local_map(input, grid, local, 5.0, estimate, nullptr);
-  visible_.clear();
-  search_.by_local_map(input, grid, local, 3.0, estimate, &visible_);
+  const auto local = search_.local(*found, reference);
+  // Where few points tell the pose, wrong ones found in a wide search may outvote the planes.
+  for (const double factor : {5.0, 2.0}) {
+    estimate = *found;
+    search_.by_local_map(input, grid, local, factor, estimate, nullptr);
+    visible_.clear();
+    search_.by_local_map(input, grid, local, std::min(factor, 3.0), estimate, &visible_);
+    if (found->plane_inliers == 0 || estimate.plane_inliers > 0) break;
+  }
   return search_.objection(estimate, least_points).empty();
 }
 
@@ -195,9 +199,22 @@ std::string Tracker::Impl::find(const FrameInput& input, PoseEstimate& estimate)
                         : options_.points_to_track;
   tracked_now_ = true;
   std::string objection;
+  // A doubtful pose is taken when nothing better is found.
+  struct Found {
+    PoseEstimate estimate;
+    std::vector<Id> visible;
+    std::string how;
+  };
+  std::optional<Found> doubtful;
+  const auto sound = [&](const std::string& how) {
+    if (!search_.doubtful(input, estimate)) return true;
+    if (!doubtful || estimate.point_inliers > doubtful->estimate.point_inliers)
+      doubtful = Found{estimate, visible_, how};
+    return false;
+  };
   if (last_ && !lost_ && try_motion(input, grid, estimate)) {
     objection = search_.objection(estimate, least);
-    if (objection.empty()) return "";
+    if (objection.empty() && sound("")) return "";
   }
   const auto of_frame = [](const PlacedFrame& frame) {
     return PoseSource{&frame.input.camera, frame.input.features, frame.points,
@@ -223,15 +240,16 @@ std::string Tracker::Impl::find(const FrameInput& input, PoseEstimate& estimate)
     return try_looks(input, grid, source, id, least, estimate);
   };
   const std::string again = lost_ ? "found again" : "";
-  if (last_ && try_frame(*last_)) return lost_ ? "found again where it was lost" : "";
+  const std::string where = lost_ ? "found again where it was lost" : "";
+  if (last_ && try_frame(*last_) && sound(where)) return where;
   std::vector<Id> tried;
   const Id reference = last_ ? last_->anchor.reference : kNoId;
   if (copy_.map().key_frames.contains(reference)) {
-    if (try_key_frame(reference)) return again;
+    if (try_key_frame(reference) && sound(again)) return again;
     tried.push_back(reference);
   }
   for (int i = copy_.waiting() - 1; i >= 0; --i)
-    if (try_frame(copy_.waiting(i))) return again;
+    if (try_frame(copy_.waiting(i)) && sound(again)) return again;
   // Without a vocabulary, only the latest key frames.
   constexpr std::size_t kCandidates = 5;
   std::vector<Id> candidates;
@@ -248,8 +266,13 @@ std::string Tracker::Impl::find(const FrameInput& input, PoseEstimate& estimate)
   if (candidates.size() > kCandidates) candidates.resize(kCandidates);
   for (const Id id : candidates) {
     if (std::find(tried.begin(), tried.end(), id) != tried.end()) continue;
-    if (try_key_frame(id))
-      return "found again in key frame " + std::to_string(id) + " by its looks";
+    const std::string there = "found in key frame " + std::to_string(id) + " by its looks";
+    if (try_key_frame(id) && sound(there)) return there;
+  }
+  if (doubtful) {
+    estimate = std::move(doubtful->estimate);
+    visible_ = std::move(doubtful->visible);
+    return doubtful->how;
   }
   tracked_now_ = false;
   return objection.empty()

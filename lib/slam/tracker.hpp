@@ -53,8 +53,8 @@ struct TrackerOptions {
             "whose points are looked for; ORB-SLAM2: 80");
     v.field(
         "points_to_track", points_to_track, {6, 1000}, "",
-        "map points that must agree with a pose (ORB-SLAM2: 30); half of that where planes that "
-        "agree face two ways, a third where they face three");
+        "map points that must agree with a pose (ORB-SLAM2: 30); a third of that where planes that "
+        "agree face two ways, a fifth where they face three");
     v.field("points_to_relocalise", points_to_relocalise, {6, 1000}, "",
             "likewise after having been lost and for a second then; ORB-SLAM2: 50");
     v.field("max_sigma_m", max_sigma_m, {1e-3, 10.0}, "m",
