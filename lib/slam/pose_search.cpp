@@ -174,7 +174,13 @@ std::optional<PoseEstimate> PoseSearch::by_motion(const FrameInput& input, const
     keep_common_turn(matches, turns);
   }
 
-  // What the last frame saw without knowing it, by its depth, helps to find the pose, not more.
+  // What the last frame saw without knowing it, by its depth, helps to find the pose where little
+  // else does, not more: it may be on something that moves.
+  const auto of_map = [&](const Match& match) {
+    return last.points[feature_of[static_cast<std::size_t>(match.sought)]] != kNoId;
+  };
+  if (std::count_if(matches.begin(), matches.end(), of_map) >= 2 * kFew)
+    std::erase_if(matches, [&](const Match& match) { return !of_map(match); });
   Evidence evidence;
   for (const auto& match : matches)
     evidence.add(positions[static_cast<std::size_t>(match.sought)],
