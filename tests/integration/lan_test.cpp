@@ -298,10 +298,24 @@ TEST_F(LanTest, StatusAndDoctorPointOutStagesThatDoNotFitTogetherOrTheSet) {
                   "  - {name: parts, exec: weft-test-stage, with: {kind: parts}, host: near, map: "
                   "{WORDS_SIFT: FOREGROUND}}\n"
                   "  - {name: planes, exec: weft-planes, settings: planes.yaml, host: near}\n");
+  write_text_file(
+      path("lonely.yaml"),
+      read_text_file(path("set.yaml")) +
+          "  - {name: words, exec: weft-test-stage, with: {kind: words}, host: nowhere}\n");
   in_a_world_of_its_own([&] {
     const Lan lan({"near", "far"}, folder_);
     const auto up = lan.weft("near", {"up", path("set.yaml")});
     ASSERT_EQ(up.status, 0) << up.output;
+    const auto alone = lan.weft("far", {"status", path("lonely.yaml")});
+    EXPECT_EQ(alone.status, 1) << alone.output;
+    EXPECT_NE(alone.output.find("nothing is heard of words on nowhere"), std::string::npos)
+        << alone.output;
+    ASSERT_EQ(lan.run("far", {"ip", "route", "replace", "224.0.0.0/4", "dev", "lo"}).status, 0);
+    const auto lost = lan.weft("far", {"doctor", path("set.yaml"), "--listen-s", "0.2"});
+    EXPECT_EQ(lost.status, 1) << lost.output;
+    EXPECT_NE(lost.output.find("the multicast route leads to lo"), std::string::npos)
+        << lost.output;
+    ASSERT_EQ(lan.run("far", {"ip", "route", "replace", "224.0.0.0/4", "dev", "eth0"}).status, 0);
     // As if the file of the other host were another.
     write_text_file(path("planes.yaml"), "labels: false\n");
     for (const std::string command : {"status", "doctor"}) {

@@ -80,6 +80,7 @@ int doctor_command(const DoctorOptions& options, const StageRegistry& registry) 
   if (set) {
     for (auto& finding : differences_from_files(*set, registry, statuses))
       findings.push_back(std::move(finding));
+    for (auto& finding : silent_hosts(*set, host, statuses)) findings.push_back(std::move(finding));
   }
   for (auto& finding : clocks.findings(host, hosts)) findings.push_back(std::move(finding));
 

@@ -5,6 +5,7 @@
 #include <chrono>
 #include <cstdio>
 #include <filesystem>
+#include <fstream>
 #include <map>
 #include <nlohmann/json.hpp>
 #include <optional>
@@ -82,6 +83,14 @@ std::string state_name(std::int8_t state) {
     default:
       return "unknown";
   }
+}
+
+/// Whether a process was stopped with SIGSTOP.
+bool is_suspended(pid_t pid) {
+  std::string text;
+  std::getline(std::ifstream(fmt::format("/proc/{}/stat", pid)), text);
+  const auto at = text.rfind(") ");  // its name, in brackets, may hold anything
+  return at != std::string::npos && at + 2 < text.size() && text[at + 2] == 'T';
 }
 
 }  // namespace
@@ -266,10 +275,17 @@ int status(const StatusOptions& options, const StageRegistry& registry) {
     }
     if (at == heard.end() || process.pid == 0) {
       all_well = false;
-      entry["state"] = "silent";
-      fmt::print("{:<20} {:<12} {:>7} {:<9} {:>6}  supervisor says {}\n", process.name, "",
-                 process.pid, process.pid == 0 ? "stopped" : "silent", process.starts,
-                 states[process.name]);
+      const char* state = process.pid == 0 ? "stopped" : "silent";
+      const auto why =
+          process.pid == 0 ? fmt::format("supervisor says {}; weft logs {} shows why",
+                                         states[process.name], process.name)
+          : is_suspended(process.pid)
+              ? fmt::format("suspended by a signal; kill -CONT {} lets it go on", process.pid)
+              : fmt::format("it runs and reports nothing; weft logs {0}, weft restart {0}",
+                            process.name);
+      fmt::print("{:<20} {:<12} {:>7} {:<9} {:>6}  {}\n", process.name, "", process.pid, state,
+                 process.starts, why);
+      entry["state"] = state;
       continue;
     }
     show(entry, at->second, std::to_string(process.starts));
@@ -284,6 +300,8 @@ int status(const StatusOptions& options, const StageRegistry& registry) {
   auto problems = mixed_versions(statuses);
   if (set) {
     for (auto& finding : differences_from_files(*set, registry, statuses))
+      problems.push_back(std::move(finding));
+    for (auto& finding : silent_hosts(*set, this_host(), statuses))
       problems.push_back(std::move(finding));
   }
   for (const auto& finding : problems) {

@@ -1,5 +1,6 @@
 #include "tools/weft/doctor.hpp"
 
+#include <arpa/inet.h>
 #include <fmt/format.h>
 #include <sys/statvfs.h>
 #include <unistd.h>
@@ -7,8 +8,12 @@
 #include <algorithm>
 #include <cstdlib>
 #include <filesystem>
+#include <fstream>
+#include <iterator>
 #include <map>
+#include <memory>
 #include <set>
+#include <sstream>
 
 #include "base/error.hpp"
 #include "base/hash.hpp"
@@ -86,6 +91,23 @@ Finding check_disk(const std::string& folder, double bytes_per_s) {
           fmt::format("ls -lhS {0}/*.lcm shows the largest logs there, rm removes one; or weft "
                       "record on another disk, with {1:.1f} GB free at least: df -h",
                       folder, kEnough_s * bytes_per_s * 1e-9)};
+}
+
+Finding check_lan_route(const stage::LcmUrl& url) {
+  std::string table;
+  {
+    std::ifstream file("/proc/net/route");
+    table.assign(std::istreambuf_iterator<char>(file), {});
+  }
+  const auto interface = route_interface(table, url.group);
+  if (interface != "lo" && !interface.empty())
+    return {Kind::kGood, "messages to the LAN leave over " + interface, ""};
+  const auto outward = route_interface(table, "1.1.1.1");
+  return {Kind::kBad,
+          interface.empty() ? "no route leads messages to the LAN"
+                            : "the multicast route leads to lo: no message reaches the LAN",
+          "sudo ip route replace 224.0.0.0/4 dev " +
+              (outward.empty() ? "NAME (of the LAN's interface: ip -brief link)" : outward)};
 }
 
 std::vector<Finding> check_fragments(const stage::LcmUrl& url) {
@@ -192,6 +214,58 @@ std::vector<Finding> differences_from_files(const ProcessSet& set, const StageRe
   return findings;
 }
 
+std::vector<Finding> silent_hosts(const ProcessSet& set, const std::string& this_host,
+                                  const std::vector<weft::stage_status_t>& statuses) {
+  std::set<std::string> heard;
+  for (const auto& status : statuses) heard.insert(status.stage);
+  bool any = false;
+  std::map<std::string, std::set<std::string>> silent;  // by host
+  for (const auto& process : set.processes) {
+    if (heard.contains(process.name))
+      any = true;
+    else if (!process.source && !process.host.empty() && process.host != this_host)
+      silent[process.host].insert(process.name);
+  }
+  std::vector<Finding> findings;
+  if (!any) return findings;
+  for (const auto& [host, names] : silent) {
+    findings.push_back(
+        {Kind::kBad, fmt::format("nothing is heard of {} on {}", joined(names), host),
+         fmt::format(
+             "on {0}: weft status; if the set is down there: weft up {1}; if it is up: weft "
+             "doctor {1} on both hosts, and let UDP to {2} port {3} through their firewalls "
+             "and the switch between them (with IGMP snooping it needs a querier)",
+             host, set.file.filename().string(), set.group, set.port)});
+  }
+  return findings;
+}
+
+std::string route_interface(const std::string& table, const std::string& address) {
+  in_addr wanted{};
+  if (inet_pton(AF_INET, address.c_str(), &wanted) != 1) return {};
+  std::string best;
+  std::pair<std::uint32_t, long> rank{0, 0};  // longest mask, then smallest metric
+  std::istringstream lines(table);
+  std::string line;
+  std::getline(lines, line);  // the head
+  while (std::getline(lines, line)) {
+    std::istringstream fields(line);
+    std::string interface, destination, gateway, flags, references, use, mask;
+    long metric = 0;
+    if (!(fields >> interface >> destination >> gateway >> flags >> references >> use >> metric >>
+          mask))
+      continue;
+    // Both as they lie in memory, so that they compare with wanted.s_addr.
+    const auto to = static_cast<std::uint32_t>(std::strtoul(destination.c_str(), nullptr, 16));
+    const auto bits = static_cast<std::uint32_t>(std::strtoul(mask.c_str(), nullptr, 16));
+    const std::pair<std::uint32_t, long> ranked{ntohl(bits), -metric};
+    if ((wanted.s_addr & bits) != to || (!best.empty() && ranked <= rank)) continue;
+    best = interface;
+    rank = ranked;
+  }
+  return best;
+}
+
 std::vector<Finding> check_set(const ProcessSet& set, const StageRegistry& registry,
                                const std::string& host, const std::set<std::string>& running) {
   std::vector<Finding> findings;
@@ -220,10 +294,12 @@ std::vector<Finding> check_set(const ProcessSet& set, const StageRegistry& regis
         continue;
       }
       const auto made = factory->second(settings_of(process));
-      findings.push_back({Kind::kGood,
-                          fmt::format("{}: program, settings and models (hash {})", process.name,
-                                      to_hex(made->interface().model_hash)),
-                          ""});
+      const auto models = made->interface().model_hash;
+      findings.push_back(
+          {Kind::kGood,
+           process.name + (models == 0 ? ": program and settings"
+                                       : ": program, settings and models, hash " + to_hex(models)),
+           ""});
     } catch (const Error& e) {
       findings.push_back({Kind::kBad, process.name + ": " + e.what(),
                           "put right what the message names in " + set.file.string() +
@@ -267,6 +343,7 @@ std::vector<Finding> check_machine(const stage::LcmUrl& url, const std::string& 
                     "sudo sysctl -w " + setting + "; to keep it: echo " + setting +
                         " | sudo tee /etc/sysctl.d/60-weft.conf"});
   for (auto& finding : check_cameras()) findings.push_back(std::move(finding));
+  if (url.is_udpm() && url.ttl > 0) findings.push_back(check_lan_route(url));
   for (auto& finding : check_fragments(url)) findings.push_back(std::move(finding));
   findings.push_back(check_disk(record_folder, record_bytes_per_s));
   return findings;

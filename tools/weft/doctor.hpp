@@ -38,6 +38,16 @@ std::vector<Finding> check_set(const ProcessSet& set, const StageRegistry& regis
 std::vector<Finding> differences_from_files(const ProcessSet& set, const StageRegistry& registry,
                                             const std::vector<weft::stage_status_t>& statuses);
 
+/// Processes that the set gives to other hosts and of which nothing is heard, though some of the
+/// set is: a host that is down, or a network that lets no multicast through. Sources may have come
+/// to their end, and are not missed.
+std::vector<Finding> silent_hosts(const ProcessSet& set, const std::string& this_host,
+                                  const std::vector<weft::stage_status_t>& statuses);
+
+/// The interface that packets to an IPv4 address leave by. table: as /proc/net/route has it. Empty:
+/// no route.
+std::string route_interface(const std::string& table, const std::string& address);
+
 /// Multicast route and loopback, receive buffer, memory for the pieces of messages from other
 /// hosts, cameras, disk. record_bytes_per_s: what a recording takes; 0: not known.
 std::vector<Finding> check_machine(const stage::LcmUrl& url, const std::string& record_folder,

@@ -290,7 +290,7 @@ fs::path RunFolder::log(const std::string& process) const {
     if (name == process) return folder_ / (process + ".log");
     known += " " + name;
   }
-  throw Error("the set has no process '" + process + "'; it has:" + known);
+  throw Error("this host runs no process '" + process + "' of the set; it runs:" + known);
 }
 
 }  // namespace weft

@@ -114,6 +114,39 @@ TEST(Doctor, PointsOutStagesThatRunWithOtherSettingsOrModelsThanTheirFilesMake) 
   EXPECT_EQ(differences_from_files(set, registry, {other}).size(), 2u);
 }
 
+TEST(Doctor, MissesTheStagesOfOtherHosts) {
+  const auto set = ProcessSet::from_text(
+      "sources: [RGBD_FRAME]\nlan: true\nprocesses:\n"
+      "  - {name: eye, exec: weft-capture, source: true, host: robot-2}\n"
+      "  - {name: mask, exec: weft-test-stage, host: robot-1}\n"
+      "  - {name: words, exec: weft-test-stage, host: robot-2}\n"
+      "  - {name: parts, exec: weft-test-stage}\n",
+      "set.yaml");
+  EXPECT_TRUE(silent_hosts(set, "robot-1", {}).empty()) << "nothing runs at all";
+  const auto mask = status("mask", "robot-1", 1, 5);
+  const auto silent = silent_hosts(set, "robot-1", {mask});
+  ASSERT_EQ(silent.size(), 1u);
+  EXPECT_EQ(silent[0].what, "nothing is heard of words on robot-2");
+  EXPECT_NE(silent[0].remedy.find("on robot-2: weft status"), std::string::npos);
+  EXPECT_TRUE(silent_hosts(set, "robot-1", {mask, status("words", "robot-2", 1, 5)}).empty());
+}
+
+TEST(Doctor, FindsTheInterfaceOfARoute) {
+  // 224.0.0.0/4 over lo, default over eth0 and, dearer, wlan0; 239.255.76.0/24 over eth1.
+  const std::string head =
+      "Iface Destination Gateway Flags RefCnt Use Metric Mask MTU Window IRTT\n";
+  const std::string lo = "lo 000000E0 00000000 0001 0 0 0 000000F0 0 0 0\n";
+  const std::string outward =
+      "wlan0 00000000 010AA8C0 0003 0 0 600 00000000 0 0 0\n"
+      "eth0 00000000 010AA8C0 0003 0 0 100 00000000 0 0 0\n";
+  const std::string narrow = "eth1 004CFFEF 00000000 0001 0 0 0 00FFFFFF 0 0 0\n";
+  EXPECT_EQ(route_interface(head, "239.255.76.67"), "");
+  EXPECT_EQ(route_interface(head + outward, "239.255.76.67"), "eth0");
+  EXPECT_EQ(route_interface(head + outward + lo, "239.255.76.67"), "lo");
+  EXPECT_EQ(route_interface(head + narrow + lo + outward, "239.255.76.67"), "eth1");
+  EXPECT_EQ(route_interface(head + lo + outward, "1.1.1.1"), "eth0");
+}
+
 TEST(Doctor, ChecksTheMachine) {
   stage::LcmUrl url;
   url.recv_buf_size = 1 << 30;
