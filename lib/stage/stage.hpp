@@ -157,11 +157,14 @@ struct Port {
   /// 0: the message of frame n itself. k: an input that is the message of frame n - k of the same
   /// camera and session, so that stages can read each other's outputs without a circle to wait in.
   int frames_back = 0;
+  /// Of an input: model_hash of the stage that must make its messages, as words must come from the
+  /// vocabulary that a model was trained with. 0: any.
+  std::uint64_t maker_model_hash = 0;
 };
 
 template <class Message>
-Port port(std::string channel) {
-  return {std::move(channel), message_type<Message>(), 0};
+Port port(std::string channel, std::uint64_t maker_model_hash = 0) {
+  return {std::move(channel), message_type<Message>(), 0, maker_model_hash};
 }
 
 /// An input over a feedback edge; read with Inputs::feedback. frames_back: 1 to kMaxFramesBack.
@@ -171,7 +174,7 @@ Port feedback_port(std::string channel, int frames_back) {
     throw Error("feedback on channel " + channel + " is " + std::to_string(frames_back) +
                 " frames back; expected 1 to " + std::to_string(kMaxFramesBack));
   }
-  return {std::move(channel), message_type<Message>(), frames_back};
+  return {std::move(channel), message_type<Message>(), frames_back, 0};
 }
 
 /// What the runtime must know about a stage before it runs.

@@ -36,9 +36,9 @@ class PriorStage : public stage::Stage {
                   std::to_string(model_.blocks.size()) + " channels");
     }
     interface_.name = "prior";
-    for (const auto& channel : options_.words) {
-      interface_.inputs.push_back(stage::port<words_t>(channel));
-    }
+    for (std::size_t i = 0; i < options_.words.size(); ++i)
+      interface_.inputs.push_back(
+          stage::port<words_t>(options_.words[i], model_.blocks[i].vocabulary_hash));
     interface_.outputs = {stage::port<image_prior_t>("IMAGE_PRIOR")};
     // The place of the model file is no setting of the answer; its content is in model_hash.
     auto hashed = options_;

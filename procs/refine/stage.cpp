@@ -35,9 +35,9 @@ class RefineStage : public stage::Stage {
   RefineStage(const RefineOptions& options, detector::RefineModel model)
       : options_(options), refiner_(std::move(model), options.refiner) {
     interface_.name = "refine";
-    for (const auto& channel : options_.words) {
-      interface_.inputs.push_back(stage::port<words_t>(channel));
-    }
+    for (std::size_t i = 0; i < options_.words.size(); ++i)
+      interface_.inputs.push_back(
+          stage::port<words_t>(options_.words[i], refiner_.model().blocks[i].vocabulary_hash));
     interface_.inputs.push_back(stage::port<part_candidates_t>("PART_CANDIDATES"));
     interface_.outputs = {stage::port<part_detections_t>("PART_DETECTIONS")};
     // Neither the place of the model file nor the number of threads decides the answer.

@@ -33,8 +33,9 @@ class ScoreStage : public stage::Stage {
   ScoreStage(const StageOptions& options, detector::ScoreModel model)
       : options_(options), model_(std::move(model)) {
     interface_.name = "score";
-    for (const auto& channel : options_.words)
-      interface_.inputs.push_back(stage::port<words_t>(channel));
+    for (std::size_t i = 0; i < options_.words.size(); ++i)
+      interface_.inputs.push_back(
+          stage::port<words_t>(options_.words[i], model_.blocks[i].vocabulary_hash));
     interface_.inputs.push_back(stage::port<image_prior_t>("IMAGE_PRIOR"));
     interface_.outputs = {stage::port<part_candidates_t>("PART_CANDIDATES"),
                           stage::port<probability_map_t>("PROBABILITY_MAP")};

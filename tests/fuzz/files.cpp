@@ -154,10 +154,11 @@ WEFT_FUZZ_TARGET(Setting) {
 WEFT_FUZZ_TARGET(ProcessSetFile) {
   const std::string text =
       "name: a\nmode: live\nlan: true\nlcm: {ttl: 1, group: 239.255.76.67, port: 7667, "
-      "receive_buffer: 4194304}\n"
+      "prefix: red, receive_buffer: 4194304}\n"
       "sources: [RGBD_FRAME]\nprocesses:\n  - name: mask\n    exec: weft-foreground\n"
       "    with: {a: 1, b: {c: [1, 2]}}\n    map: {WORDS: WORDS_SIFT}\n    host: robot-2\n"
-      "    source: false\n    queue: 4\n    deadline_ms: 2000\n    stop_wait_s: 5\n";
+      "    source: true\n    camera: left\n    trigger: single\n    rate_hz: 2.5\n    queue: 4\n"
+      "    deadline_ms: 2000\n    stop_wait_s: 5\n";
   return {{bytes_of(text)},
           [](const Bytes& bytes) { ProcessSet::from_text(text_of(bytes), "x.yaml"); }};
 }

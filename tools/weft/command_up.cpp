@@ -11,6 +11,7 @@
 #include <optional>
 #include <thread>
 #include <tuple>
+#include <utility>
 
 #include "base/error.hpp"
 #include "base/hash.hpp"
@@ -72,6 +73,10 @@ void listen(Bus& bus, milliseconds time, std::map<std::string, Heard>& heard,
   at->second.last = *status;
 }
 
+std::int64_t answered(const weft::stage_status_t& s) {
+  return s.frames_out + s.frames_dropped + s.frames_failed + s.frames_missing_input;
+}
+
 std::string state_name(std::int8_t state) {
   switch (state) {
     case weft::stage_status_t::STARTING:
@@ -99,8 +104,11 @@ int up(const UpOptions& options) {
   catch_stop_signals();
   auto set = ProcessSet::from_file(options.set);
   const auto host = options.host.empty() ? this_host() : options.host;
+  std::map<std::string, std::string> elsewhere;  // stages of other hosts, and their host
   std::erase_if(set.processes, [&](const ProcessSpec& process) {
-    return !process.host.empty() && process.host != host;
+    const bool here = process.host.empty() || process.host == host;
+    if (!here && !process.source) elsewhere[process.name] = process.host;
+    return !here;
   });
   if (set.processes.empty())
     throw Error("set " + set.name + " has no process for host " + host +
@@ -116,8 +124,10 @@ int up(const UpOptions& options) {
   folder.start_supervisor();
   std::map<std::string, Heard> heard;
   std::map<std::string, std::int32_t> ready;  // and the process number; a source may be done by now
-  const auto deadline = Clock::now() + milliseconds(static_cast<int>(options.ready_s * 1000));
-  bool sources_started = false;
+  const auto patience = milliseconds(static_cast<int>(options.ready_s * 1000));
+  auto deadline = Clock::now() + patience;
+  bool sources_started = false, told = false;
+  std::optional<Clock::time_point> waits_since;  // for stages of other hosts
   try {
     for (auto checked = Clock::now();;) {
       listen(*bus, milliseconds(50), heard);
@@ -133,12 +143,31 @@ int up(const UpOptions& options) {
         if (!ready.contains(process.name)) missing += (missing.empty() ? "" : ", ") + process.name;
       }
       if (missing.empty() && (sources_started || sources.size() == 1)) break;
+      if (stop_requested()) throw Interrupted{};
       if (missing.empty()) {
+        std::string absent;
+        for (const auto& [name, where] : elsewhere) {
+          const auto at = heard.find(name);
+          if (at == heard.end() || at->second.last.state != weft::stage_status_t::RUNNING)
+            absent += fmt::format("{}{} on {}", absent.empty() ? "" : ", ", name, where);
+        }
+        // The frames of a source that nobody hears are lost.
+        if (!absent.empty() && Clock::now() < deadline) {
+          if (!waits_since) waits_since = Clock::now();
+          const bool quiet =
+              Clock::now() - *waits_since < milliseconds(1500);  // they report each 1 s
+          if (!quiet && !std::exchange(told, true))
+            fmt::print(stderr, "waiting for {}: weft up there, too\n", absent);
+          continue;
+        }
+        if (!absent.empty())
+          fmt::print(stderr, "not heard after {} s: {}; starting the sources all the same\n",
+                     options.ready_s, absent);
         folder.control(sources);
         sources_started = true;
+        deadline = Clock::now() + patience;
         continue;
       }
-      if (stop_requested()) throw Interrupted{};
       if (Clock::now() > deadline)
         throw Error(fmt::format("not ready after {} s: {}; weft logs NAME shows why",
                                 options.ready_s, missing));
@@ -204,6 +233,7 @@ int status(const StatusOptions& options, const StageRegistry& registry) {
   } catch (const Error& e) {
     not_heard = e.what();
   }
+  const auto all_heard = heard;
   nlohmann::ordered_json json;
   const bool supervised = folder && folder->running();
   json["set"] = title;
@@ -217,9 +247,6 @@ int status(const StatusOptions& options, const StageRegistry& registry) {
   const auto show = [&](nlohmann::ordered_json& entry, const Heard& of, const std::string& starts) {
     const auto& [first, last] = of;
     const double seconds = static_cast<double>(last.header.utime - first.header.utime) * 1e-6;
-    const auto answered = [](const weft::stage_status_t& s) {
-      return s.frames_out + s.frames_dropped + s.frames_failed + s.frames_missing_input;
-    };
     const double rate =
         seconds > 0 ? static_cast<double>(answered(last) - answered(first)) / seconds : 0;
     all_well = all_well && last.state == weft::stage_status_t::RUNNING;
@@ -303,6 +330,16 @@ int status(const StatusOptions& options, const StageRegistry& registry) {
       problems.push_back(std::move(finding));
     for (auto& finding : silent_hosts(*set, this_host(), statuses))
       problems.push_back(std::move(finding));
+  }
+  for (const auto& [name, of] : all_heard) {
+    const auto& [first, last] = of;
+    const auto failed = last.frames_failed - first.frames_failed;
+    if (failed > 0 && failed == answered(last) - answered(first))
+      problems.push_back({Finding::Kind::kBad,
+                          fmt::format("{} failed on each of the last {} frames: {}", name, failed,
+                                      last.last_error),
+                          "weft doctor " + (set ? set->file.string() : "SET.yaml") +
+                              " looks for the reason; weft logs " + name + " has all it said"});
   }
   for (const auto& finding : problems) {
     all_well = false;

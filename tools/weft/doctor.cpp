@@ -18,6 +18,7 @@
 #include "base/error.hpp"
 #include "base/hash.hpp"
 #include "base/text_file.hpp"
+#include "stage/channels.hpp"
 #include "stage/lcm_url.hpp"
 #include "stage/net_namespace.hpp"
 #include "tools/weft/run_folder.hpp"
@@ -123,6 +124,50 @@ std::vector<Finding> check_fragments(const stage::LcmUrl& url) {
   return {{Kind::kWarning, warning.substr(0, remedy), warning.substr(remedy + 10)}};
 }
 
+struct Made {
+  const ProcessSpec& process;
+  std::unique_ptr<stage::Stage> stage;
+};
+
+/// Nothing where the files it needs are not here.
+std::unique_ptr<stage::Stage> make_quietly(const ProcessSpec& process,
+                                           const StageRegistry& registry) {
+  const auto factory = registry.find(process.exec);
+  if (factory == registry.end()) return nullptr;
+  try {
+    return factory->second(settings_of(process));
+  } catch (const Error&) {
+    return nullptr;
+  }
+}
+
+/// Models that were trained with another vocabulary than the one that makes their words.
+std::vector<Finding> models_that_do_not_fit(const std::vector<Made>& all, const ProcessSet& set) {
+  std::vector<Finding> findings;
+  std::map<std::string, const Made*> makers;  // by channel on the wire
+  for (const auto& made : all)
+    for (const auto& port : made.stage->interface().outputs)
+      makers[stage::wire_channel(made.process.map, port.channel)] = &made;
+  for (const auto& made : all) {
+    for (const auto& port : made.stage->interface().inputs) {
+      const auto channel = stage::wire_channel(made.process.map, port.channel);
+      const auto maker = makers.find(channel);
+      if (port.maker_model_hash == 0 || maker == makers.end()) continue;
+      const auto makes = maker->second->stage->interface().model_hash;
+      if (makes == port.maker_model_hash) continue;
+      findings.push_back(
+          {Kind::kBad,
+           fmt::format("{}: its model was trained with the vocabulary {}, but {} makes {} with {}",
+                       made.process.name, to_hex(port.maker_model_hash),
+                       maker->second->process.name, channel, to_hex(makes)),
+           fmt::format("in {}, under with: of {} and {}: a model and a vocabulary from the same "
+                       "folder of config/models",
+                       set.file.string(), made.process.name, maker->second->process.name)});
+    }
+  }
+  return findings;
+}
+
 }  // namespace
 
 std::vector<Finding> mixed_versions(const std::vector<weft::stage_status_t>& statuses) {
@@ -185,16 +230,11 @@ std::vector<Finding> differences_from_files(const ProcessSet& set, const StageRe
                                             const std::vector<weft::stage_status_t>& statuses) {
   std::vector<Finding> findings;
   for (const auto& process : set.processes) {
-    const auto factory = registry.find(process.exec);
-    if (factory == registry.end()) continue;
     std::unique_ptr<stage::Stage> made;
     for (const auto& status : statuses) {
       if (status.stage != process.name) continue;
-      try {
-        if (!made) made = factory->second(settings_of(process));
-      } catch (const Error&) {
-        break;  // the files need not be here; check_set() says so where they must be
-      }
+      if (!made) made = make_quietly(process, registry);
+      if (!made) break;  // check_set() says so where the files must be
       const auto compare = [&](const char* what, std::int64_t reported, std::uint64_t here) {
         const auto there = static_cast<std::uint64_t>(reported);
         if (there == here) return;
@@ -270,9 +310,14 @@ std::vector<Finding> check_set(const ProcessSet& set, const StageRegistry& regis
                                const std::string& host, const std::set<std::string>& running) {
   std::vector<Finding> findings;
   std::set<std::string> hosts;
+  std::vector<Made> all_made;
   for (const auto& process : set.processes) {
     if (!process.host.empty()) hosts.insert(process.host);
-    if (!process.host.empty() && process.host != host) continue;
+    if (!process.host.empty() && process.host != host) {
+      if (auto made = make_quietly(process, registry))
+        all_made.push_back({process, std::move(made)});
+      continue;
+    }
     try {
       find_program(set, process);
       const auto factory = registry.find(process.exec);
@@ -293,19 +338,29 @@ std::vector<Finding> check_set(const ProcessSet& set, const StageRegistry& regis
         findings.push_back({Kind::kGood, process.name + ": program, settings and source", ""});
         continue;
       }
-      const auto made = factory->second(settings_of(process));
+      auto made = factory->second(settings_of(process));
       const auto models = made->interface().model_hash;
+      all_made.push_back({process, std::move(made)});
       findings.push_back(
           {Kind::kGood,
            process.name + (models == 0 ? ": program and settings"
                                        : ": program, settings and models, hash " + to_hex(models)),
            ""});
     } catch (const Error& e) {
-      findings.push_back({Kind::kBad, process.name + ": " + e.what(),
-                          "put right what the message names in " + set.file.string() +
-                              " or the settings it names"});
+      const std::string what = e.what();
+      const bool model = what.find(".blob") != std::string::npos;
+      findings.push_back(
+          {Kind::kBad, process.name + ": " + what,
+           model
+               ? "git checkout -- config/models brings back the models that ship, ls config/models "
+                 "shows which; others: weft train, and their path under with: in " +
+                     set.file.string()
+               : "put right what the message names in " + set.file.string() +
+                     " or the settings it names"});
     }
   }
+  for (auto& finding : models_that_do_not_fit(all_made, set))
+    findings.push_back(std::move(finding));
   if (hosts.size() > 1 && set.ttl == 0)
     findings.push_back({Kind::kBad,
                         "the set runs on several hosts (" + joined(hosts) +

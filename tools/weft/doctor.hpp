@@ -27,8 +27,9 @@ struct Finding {
 /// models or settings.
 std::vector<Finding> mixed_versions(const std::vector<weft::stage_status_t>& statuses);
 
-/// Programs, settings and models of the processes of this host; a TTL of 0 in a set of several
-/// hosts. running: processes that hold a camera already, which is then not opened again.
+/// Programs, settings and models of the processes of this host; models of any host that do not fit
+/// together, as far as their files are here; a TTL of 0 in a set of several hosts. running:
+/// processes that hold a camera already, which is then not opened again.
 std::vector<Finding> check_set(const ProcessSet& set, const StageRegistry& registry,
                                const std::string& host, const std::set<std::string>& running = {});
 

@@ -6,6 +6,7 @@
 
 #include "integration/test_stage.hpp"
 #include "support/files.hpp"
+#include "weft/words_t.hpp"
 
 namespace weft {
 namespace {
@@ -70,6 +71,53 @@ TEST(Doctor, ChecksTheProcessesOfThisHost) {
       "  - {name: b, exec: ./elsewhere, host: robot-2}\n");
   ASSERT_EQ(hosts.size(), 2u) << "what runs on another host is not looked for here";
   EXPECT_NE(hosts[1].remedy.find("lan: true"), std::string::npos);
+}
+
+/// A stage by its ports alone.
+class Ported : public stage::Stage {
+ public:
+  explicit Ported(stage::Interface interface) : interface_(std::move(interface)) {}
+  const stage::Interface& interface() const override { return interface_; }
+  void process(const stage::Inputs&, stage::Outputs&) override {}
+
+ private:
+  stage::Interface interface_;
+};
+
+TEST(Doctor, FindsAModelThatWasTrainedWithAnotherVocabulary) {
+  constexpr std::uint64_t kVocabulary = 0xabc;
+  const auto set = ProcessSet::from_text(
+      "sources: [RGBD_FRAME]\nlan: true\nprocesses:\n"
+      "  - {name: describe, exec: maker, host: robot-2, map: {WORDS: WORDS_SIFT}}\n"
+      "  - {name: score, exec: weft-test-stage, host: robot-1, map: {IN: WORDS_SIFT}}\n",
+      "set.yaml");
+  const auto findings = [&](std::uint64_t trained_with) {
+    return check_set(set,
+                     {{"maker",
+                       [](const Settings&) {
+                         stage::Interface made;
+                         made.name = "words";
+                         made.outputs = {stage::port<weft::words_t>("WORDS")};
+                         made.model_hash = kVocabulary;
+                         return std::make_unique<Ported>(made);
+                       }},
+                      {"weft-test-stage",
+                       [&](const Settings&) {
+                         stage::Interface made;
+                         made.name = "score";
+                         made.inputs = {stage::port<weft::words_t>("IN", trained_with)};
+                         return std::make_unique<Ported>(made);
+                       }}},
+                     "robot-1");
+  };
+  EXPECT_EQ(findings(kVocabulary).size(), 1u);
+  EXPECT_EQ(findings(0).size(), 1u) << "any will do";
+  const auto wrong = findings(0xdef);
+  ASSERT_EQ(wrong.size(), 2u);
+  EXPECT_EQ(wrong[1].what,
+            "score: its model was trained with the vocabulary 0000000000000def, but describe makes "
+            "WORDS_SIFT with 0000000000000abc");
+  EXPECT_NE(wrong[1].remedy.find("from the same folder of config/models"), std::string::npos);
 }
 
 TEST(Doctor, AsksAProgramThatItDoesNotHoldToCheckItself) {
