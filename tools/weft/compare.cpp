@@ -19,6 +19,7 @@
 #include "weft/grasps_t.hpp"
 #include "weft/part_detections_t.hpp"
 #include "weft/stage_status_t.hpp"
+#include "weft/stage_timing_t.hpp"
 
 namespace weft {
 namespace {
@@ -59,6 +60,38 @@ TimingReport read_timing(const std::string& file, const std::string& suffix,
     }
   }
   return timing.report();
+}
+
+/// End to end and throughput of a variant and of what it replaces, in one log: each from a frame's
+/// first input anywhere to the last answer of these stages, since both wait for the same others.
+void measure_to(TimingReport& report, const std::string& file, const std::set<std::string>& last) {
+  struct Times {
+    std::int64_t began = std::numeric_limits<std::int64_t>::max(), ended = 0;
+  };
+  std::map<FrameName, Times> frames;
+  std::set<std::pair<FrameName, std::string>> seen;  // of repeats, the first counts
+  stage::LogReader log(file);
+  for (stage::LogEvent event; log.next(event);) {
+    if (event.channel != stage::kTimingChannel) continue;
+    const auto timing = decode_message<weft::stage_timing_t>(event.data);
+    if (!timing) continue;
+    const FrameName name{timing->header.camera, timing->header.session, timing->header.seq};
+    if (!seen.insert({name, timing->stage}).second) continue;
+    auto& times = frames[name];
+    times.began = std::min(times.began, timing->received_utime);
+    if (last.contains(timing->stage)) times.ended = std::max(times.ended, timing->published_utime);
+  }
+  std::vector<double> took_ms;
+  Times all;
+  for (const auto& [name, times] : frames) {
+    if (times.ended == 0) continue;
+    took_ms.push_back((static_cast<double>(times.ended) - static_cast<double>(times.began)) * 1e-3);
+    all.began = std::min(all.began, times.began);
+    all.ended = std::max(all.ended, times.ended);
+  }
+  report.end_to_end = quantiles(took_ms);
+  const double time_us = static_cast<double>(all.ended) - static_cast<double>(all.began);
+  report.frames_per_second = time_us > 0 ? static_cast<double>(took_ms.size()) * 1e6 / time_us : 0;
 }
 
 std::vector<Detection> detections_of(const std::vector<std::uint8_t>& data, double threshold) {
@@ -442,6 +475,12 @@ Comparison compare_logs(const std::string& log_a, const std::string& log_b,
     for (const auto& stage : all.timing_b.stages) variants.insert(stage.stage + suffix);
   }
   all.timing_a = read_timing(log_a, "", variants);
+  if (!suffix.empty()) {
+    std::set<std::string> replaced;
+    for (const auto& stage : all.timing_b.stages) replaced.insert(stage.stage);
+    measure_to(all.timing_a, log_a, replaced);
+    measure_to(all.timing_b, log_a, variants);
+  }
   if (!options.truth.empty())
     all.truth = compare_with_truth(log_a, options.channel, file_b, options.channel + suffix,
                                    options.truth, options.threshold);

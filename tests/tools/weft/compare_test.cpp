@@ -121,13 +121,25 @@ TEST_F(Compare, AVariantBesideItsBaseline) {
     stage::LogWriter log(folder_ / "a.lcm");
     write_frames(log, "", 4, plain);
     write_frames(log, "@fast", 2, edited);
+    // Before and after both, of the baseline alone.
+    for (const std::string stage : {"mask", "grasp"}) {
+      weft::stage_timing_t timing{};
+      timing.header = {0, "camera", 7, 2, "camera"};
+      timing.stage = stage;
+      timing.received_utime = stage == "mask" ? -5000 : 50'000;
+      timing.published_utime = timing.received_utime + 1;
+      log.write(9, "STAGE_TIMING", encode_message(timing));
+    }
     log.close();
   }
   CompareOptions options;
   options.variant = "fast";
   const auto c = compare_logs(folder_ / "a.lcm", "", options, types_);
   expect_edited(c);
-  EXPECT_EQ(c.timing_a.stages.size(), 1u) << "the variant's stages are no part of the baseline";
+  EXPECT_EQ(c.timing_a.stages.size(), 3u) << "the variant's stages are no part of the baseline";
+  // Of frame 2: the mask began at -5 ms, refine ended at 6 and its variant at 4 ms.
+  EXPECT_NEAR(c.timing_a.end_to_end.max, 11, 1e-9);
+  EXPECT_NEAR(c.timing_b.end_to_end.max, 9, 1e-9);
   EXPECT_FALSE(c.channels.contains("RGBD_FRAME"));
   options.variant = "slow";
   EXPECT_THROW(compare_logs(folder_ / "a.lcm", "", options, types_), Error);
