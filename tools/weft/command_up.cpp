@@ -304,7 +304,7 @@ int status(const StatusOptions& options, const StageRegistry& registry) {
       all_well = false;
       const char* state = process.pid == 0 ? "stopped" : "silent";
       const auto why =
-          process.pid == 0 ? fmt::format("supervisor says {}; weft logs {} shows why",
+          process.pid == 0 ? fmt::format("supervisor says {}; weft logs {} shows why it ended",
                                          states[process.name], process.name)
           : is_suspended(process.pid)
               ? fmt::format("suspended by a signal; kill -CONT {} lets it go on", process.pid)
@@ -377,6 +377,7 @@ int restart(const std::string& process, const std::string& set) {
   // One that came to its end cannot be stopped first.
   const auto state = folder.states()[process];
   const bool ended = state == "EXITED" || state == "STOPPED" || state == "FATAL";
+  folder.forget_quick_deaths(process);
   folder.control({ended ? "start" : "restart", process});
   fmt::print("{} restarted\n", process);
   return 0;

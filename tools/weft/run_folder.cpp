@@ -85,7 +85,7 @@ std::string supervisor_config(const ProcessSet& set) {
   // A source is started when the stages are ready for its frames. It may come to its end: the last
   // scan, the one frame that was asked for.
   // Processes are looked at once a second. startsecs=0: a process that dies right after it was
-  // restarted is no reason to give it up, and it is started again at most once a second.
+  // restarted is no reason to give it up; start_script() lets it rest.
   std::string text = fmt::format(R"([unix_http_server]
 file=%(here)s/{}
 chmod=0700
@@ -118,6 +118,7 @@ startsecs=0
 startretries=1000
 stopsignal=INT
 stopwaitsecs={2}
+stopasgroup=true
 killasgroup=true
 redirect_stderr=true
 stdout_logfile=%(here)s/{0}.log
@@ -132,8 +133,24 @@ stdout_logfile_backups=2
 
 std::string start_script(const std::string& name, const std::vector<std::string>& command,
                          const fs::path& folder) {
-  std::string text = "#!/bin/sh\necho $$ >> " + quoted(name + ".starts") + "\ncd " +
-                     quoted(folder.string()) + "\nexec";
+  const auto starts = quoted(name + ".starts"), quick = quoted(name + ".quick");
+  // .starts was written when the process before this one began.
+  std::string text = fmt::format(R"(#!/bin/sh
+# After two starts that lasted less than 3 s each comes a rest: 2 s, and twice that each time, 30 s at most.
+quick=0
+last=$(stat -c %Y {0} 2>/dev/null) && [ $(($(date +%s) - last)) -lt 3 ] && quick=$(($(cat {1} 2>/dev/null || echo 0) + 1))
+echo $quick > {1}
+if [ $quick -gt 2 ]; then
+  rest=2 n=3
+  while [ $n -lt $quick ] && [ $rest -lt 30 ]; do rest=$((rest * 2)) n=$((n + 1)); done
+  [ $rest -le 30 ] || rest=30
+  echo "weft: {2} ended soon after its start $quick times in a row; it starts again in $rest s"
+  sleep $rest
+fi
+echo $$ >> {0}
+cd {3}
+exec)",
+                                 starts, quick, name, quoted(folder.string()));
   for (const auto& arg : command) text += " " + quoted(arg);
   return text + "\n";
 }
@@ -189,12 +206,17 @@ void RunFolder::write(const ProcessSet& set, const std::string& url, bool lock_s
     json["processes"].push_back(process.name);
     if (process.source) json["sources"].push_back(process.name);
     fs::remove(folder_ / (process.name + ".starts"));
+    forget_quick_deaths(process.name);
     write_text_file(
         folder_ / (process.name + ".sh"),
         start_script(process.name, command_line(set, process, url, lock_step), fs::current_path()));
   }
   write_text_file(folder_ / kConfig, supervisor_config(set));
   write_text_file(folder_ / "set.json", json.dump(2) + "\n");
+}
+
+void RunFolder::forget_quick_deaths(const std::string& process) const {
+  fs::remove(folder_ / (process + ".quick"));
 }
 
 void RunFolder::start_supervisor() const {

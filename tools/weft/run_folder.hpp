@@ -45,6 +45,8 @@ class RunFolder {
   std::vector<std::string> names() const;
   bool is_source(const std::string& process) const;  // may come to its end
   std::filesystem::path log(const std::string& process) const;
+  /// The next start comes without a rest.
+  void forget_quick_deaths(const std::string& process) const;
   const std::filesystem::path& path() const { return folder_; }
 
  private:
@@ -55,8 +57,9 @@ class RunFolder {
 /// supervisord.conf; every path in it is relative to its own folder.
 std::string supervisor_config(const ProcessSet& set);
 
-/// The shell script that starts one process: notes the start and its process number, then becomes
-/// the process.
+/// The shell script that starts one process: rests first when the process before ended soon after
+/// its start, and not for the first time; notes the start and its process number, then becomes the
+/// process.
 std::string start_script(const std::string& name, const std::vector<std::string>& command,
                          const std::filesystem::path& folder);
 
