@@ -10,6 +10,7 @@
 
 #include "base/error.hpp"
 #include "base/hash.hpp"
+#include "stage/lcm_url.hpp"
 #include "stage/telemetry.hpp"
 #include "tools/weft/frame_name.hpp"
 #include "tools/weft/log_out.hpp"
@@ -169,19 +170,27 @@ CopyCounts filter_log(const std::string& file, const std::string& out, const Log
   LogReader log(file);
   LogOut to(out, {file});
   CopyCounts counts;
-  std::unordered_map<std::string, bool> decided;
+  const std::string robot = filter.robot.empty() ? "" : filter.robot + "/";
+  const std::string as_robot = filter.as_robot.empty() ? "" : filter.as_robot + "/";
+  for (const auto& prefix : {filter.robot, filter.as_robot}) {
+    if (const auto fault = stage::prefix_fault(prefix); !prefix.empty() && !fault.empty())
+      throw Error(fault);
+  }
+  std::unordered_map<std::string, std::string> decided;  // the name it gets; empty: left out
   read_all(log, [&](const LogEvent& event, std::int64_t) {
     ++counts.read;
-    const auto [at, is_new] = decided.emplace(event.channel, false);
-    if (is_new)
-      at->second = (wanted.empty() || any_matches(wanted, event.channel)) &&
-                   !any_matches(without, event.channel);
-    if (!at->second) return;
+    const auto [at, is_new] = decided.emplace(event.channel, "");
+    if (is_new && event.channel.starts_with(robot)) {
+      const auto name = event.channel.substr(robot.size());
+      if ((wanted.empty() || any_matches(wanted, name)) && !any_matches(without, name))
+        at->second = as_robot + name;
+    }
+    if (at->second.empty()) return;
     if (!filter.camera.empty()) {
       const auto frame = read_frame_name(event.data);
       if (frame && frame->camera != filter.camera) return;
     }
-    to.write(event.timestamp_us, event.channel, event.data);
+    to.write(event.timestamp_us, at->second, event.data);
   });
   counts.written = to.events();
   counts.damage = log.damage();

@@ -76,6 +76,8 @@ struct LogFilter {
   std::vector<std::string> channels;  // regular expressions of whole names; empty: all
   std::vector<std::string> without;   // left out again
   std::string camera;                 // messages about frames of another camera are left out
+  std::string robot = {};             // only channels with this prefix, which is taken off
+  std::string as_robot = {};          // prefix that is put on
 };
 CopyCounts filter_log(const std::string& file, const std::string& out, const LogFilter& filter);
 

@@ -299,6 +299,10 @@ int run(int argc, char** argv) {
                   "regular expression of a whole channel name; may be repeated; default: all");
   sub->add_option("--without", filter.without, "channels to leave out; may be repeated");
   sub->add_option("--camera", filter.camera, "leave out messages about other cameras' frames");
+  sub->add_option("--robot", filter.robot,
+                  "of a log that lcm-logger wrote: channels with this prefix alone, without it");
+  sub->add_option("--as-robot", filter.as_robot,
+                  "write the channels with this prefix: for lcm-logplayer and a set that has it");
   sub->callback([&] { chosen = [&] { return log_filter_command(log, out, filter); }; });
   sub = add_log_command("cut", "copy a piece, by time or by frames");
   add_out(sub);

@@ -265,6 +265,19 @@ TEST_F(LogTools, FiltersChannelsAndCameras) {
   EXPECT_THROW(filter_log(path("a.lcm"), path("c.lcm"), {{"("}, {}, ""}), Error);
 }
 
+TEST_F(LogTools, FilterTakesTheNameOfARobotOffItsChannelsOrPutsOneOn) {
+  write_robot_log(path("a.lcm"), 10);
+  const auto filter = [&](const std::string& from, const std::string& to, const LogFilter& by) {
+    return filter_log(path(from), path(to), by).written;
+  };
+  EXPECT_EQ(filter("a.lcm", "red.lcm", {{"LEFT"}, {}, "", "", "red"}), 10);
+  for (const auto& event : events_of(path("red.lcm"))) EXPECT_EQ(event.channel, "red/LEFT");
+  EXPECT_EQ(filter("red.lcm", "own.lcm", {{"LEFT"}, {}, "", "red", ""}), 10);
+  for (const auto& event : events_of(path("own.lcm"))) EXPECT_EQ(event.channel, "LEFT");
+  EXPECT_THROW(filter("red.lcm", "none.lcm", {{}, {}, "", "blue", ""}), Error);
+  EXPECT_THROW(filter("red.lcm", "none.lcm", {{}, {}, "", "", "a/b"}), Error);
+}
+
 TEST_F(LogTools, CutsByTimeAndByFrames) {
   write_robot_log(path("a.lcm"), 20);
   LogRange range;
