@@ -29,11 +29,10 @@ namespace {
 
 using nlohmann::json;
 
-constexpr int kVersion = 4;  // of the recipe: same version and settings, same bytes
+constexpr int kVersion = 5;  // of the recipe: same version and settings, same bytes
 constexpr int kFramesPerSecond = 30;
-constexpr int kMinPixels = 64;       // of an annotated instance
-constexpr int kTestEvery = 4;        // of the simulations of a state
-constexpr double kTestShare = 0.25;  // of the arrangements
+constexpr int kMinPixels = 64;  // of an annotated instance
+constexpr int kTestEvery = 4;   // of the simulations of a state, and of the arrangements
 
 struct Source {
   std::string path, name, state;
@@ -183,8 +182,8 @@ Arrangement draw_arrangement(Random& r, const std::vector<Source>& sources, cons
   return a;
 }
 
-std::string draw_kind(Random& r, bool test) {
-  const double pick = r.uniform();
+/// How T-shirts lie, for a number of [0, 1).
+std::string kind_of(double pick, bool test) {
   if (pick < 0.35) return "single";
   if (pick < 0.65) return "apart";
   if (pick < 0.85 || !test) return "touching-different-colours";
@@ -361,6 +360,15 @@ std::string rejects_text(const std::vector<Source>& sources) {
 
 }  // namespace
 
+ArrangementPlan plan_arrangement(int index, bool any_test) {
+  const int earlier_tests = any_test ? index / kTestEvery : 0;
+  const bool test = any_test && index % kTestEvery == kTestEvery - 1;
+  const int number = test ? earlier_tests : index - earlier_tests;
+  // Multiples of the golden ratio: any run of them is spread evenly over [0, 1).
+  const double pick = 0.6180339887498949 * number;
+  return {test, kind_of(pick - std::floor(pick), test)};
+}
+
 StatesProgress make_states(SimulationSource& simulations, const std::string& folder,
                            const StatesRecipe& recipe, const std::string& settings, int jobs,
                            const StatesReport& report, const std::function<bool()>& stopped) {
@@ -400,8 +408,9 @@ StatesProgress make_states(SimulationSource& simulations, const std::string& fol
     for (int i = first; i < last; ++i) finished = finished && fs::exists(meta_of(i));
     if (finished) return;
     Random r = random_of(recipe.seed, "arrangement", index);
-    const bool test = r.uniform() < kTestShare && any_test;
-    const Arrangement a = draw_arrangement(r, sources, draw_kind(r, test), false, test);
+    const ArrangementPlan plan = plan_arrangement(index, any_test);
+    const bool test = plan.test;
+    const Arrangement a = draw_arrangement(r, sources, plan.kind, false, test);
     const RoomScene scene(a.content);
     for (int i = first; i < last; ++i) {
       if (fs::exists(meta_of(i))) continue;
@@ -614,7 +623,7 @@ StatesProgress make_sequences(SimulationSource& simulations, const std::string& 
       for (const char* each : {"rgb", "depth", "masks"}) fs::create_directories(out / each);
       Random r = random_of(recipe.seed, "sequence", i);
       const Sequence sequence = draw_sequence(r);
-      const Arrangement a = draw_arrangement(r, sources, draw_kind(r, true), true, false);
+      const Arrangement a = draw_arrangement(r, sources, kind_of(r.uniform(), true), true, false);
       const RoomScene scene(a.content);
       const auto render = [&](int k) {
         const std::string file = tum_stamp(k) + ".png";

@@ -32,6 +32,18 @@ StatesProgress make_states(SimulationSource& simulations, const std::string& out
                            const StatesRecipe& recipe, const std::string& settings, int jobs,
                            const StatesReport& report, const std::function<bool()>& stopped);
 
+/// What the images of an arrangement are for, and how its T-shirts lie: "single", "apart",
+/// "touching-different-colours" or "touching-same-colour".
+struct ArrangementPlan {
+  bool test = false;
+  std::string kind;
+};
+
+/// Every fourth arrangement is for testing (none where no simulation is). The kinds follow each
+/// other so that even a few arrangements of a split have each kind in about its share: of those for
+/// testing 35, 30, 20 and 15 %, of those for training 35, 30, 35 and none.
+ArrangementPlan plan_arrangement(int index, bool any_test);
+
 /// A folder for each sequence, in the format of the TUM RGB-D benchmark (Sturm et al. 2012): rgb/,
 /// depth/ (16 bits, 5000 a metre), rgb.txt, depth.txt, associations.txt, groundtruth.txt (pose of
 /// the colour camera, z forward, in the desk's frame, z up); beside them masks/ (instances),

@@ -58,6 +58,32 @@ TEST(Arrange, NothingOverlapsAndTouchingTouches) {
       arrange(random, three, make_box({0, 0}, {0.5f, 0.6f}, 0.0f, 0.1f), Neighbours::kTouching));
 }
 
+TEST(States, EveryRunOfArrangementsHasEachKindInItsShare) {
+  for (int first = 0; first < 400; first += 100) {
+    std::map<std::string, int> test, train;
+    for (int i = first; i < first + 100; ++i) {
+      const auto plan = plan_arrangement(i, true);
+      ++(plan.test ? test : train)[plan.kind];
+    }
+    const auto near = [](std::map<std::string, int>& counts, const char* kind, double expected) {
+      EXPECT_NEAR(counts[kind], expected, 1.5) << kind;
+    };
+    near(test, "single", 0.35 * 25);
+    near(test, "apart", 0.30 * 25);
+    near(test, "touching-different-colours", 0.20 * 25);
+    near(test, "touching-same-colour", 0.15 * 25);
+    near(train, "single", 0.35 * 75);
+    near(train, "apart", 0.30 * 75);
+    near(train, "touching-different-colours", 0.35 * 75);
+    EXPECT_EQ(train.count("touching-same-colour"), 0u);
+  }
+  for (int i = 0; i < 100; ++i) {
+    const auto plan = plan_arrangement(i, false);
+    EXPECT_FALSE(plan.test);
+    EXPECT_NE(plan.kind, "touching-same-colour");
+  }
+}
+
 TEST(States, SameBytesAgainAndCocoAgreesWithTheLabels) {
   const test::TemporaryFolder in, out;
   write_sacks(in);
