@@ -42,20 +42,22 @@ std::string sys_line(const fs::path& file) {
   return text;
 }
 
-/// Depth cameras that OpenNI2 drives, by USB vendor and product ("" for any).
-std::vector<Finding> check_cameras() {
+}  // namespace
+
+std::vector<Finding> check_cameras(const std::string& devices, const std::string& nodes) {
+  // Depth cameras that OpenNI2 drives, by USB vendor and product ("" for any).
   static const std::pair<const char*, const char*> known[] = {
       {"1d27", ""}, {"045e", "02ae"}, {"045e", "02bf"}, {"2bc5", ""}};
   std::vector<Finding> findings;
   std::error_code none;
-  for (const auto& device : fs::directory_iterator("/sys/bus/usb/devices", none)) {
+  for (const auto& device : fs::directory_iterator(devices, none)) {
     const auto vendor = sys_line(device.path() / "idVendor");
     const auto product = sys_line(device.path() / "idProduct");
     const bool camera = std::any_of(std::begin(known), std::end(known), [&](const auto& each) {
       return vendor == each.first && (*each.second == '\0' || product == each.second);
     });
     if (!camera) continue;
-    const auto node = fmt::format("/dev/bus/usb/{:0>3}/{:0>3}", sys_line(device.path() / "busnum"),
+    const auto node = fmt::format("{}/{:0>3}/{:0>3}", nodes, sys_line(device.path() / "busnum"),
                                   sys_line(device.path() / "devnum"));
     const auto name = fmt::format("depth camera {}:{} at {}", vendor, product, node);
     if (access(node.c_str(), R_OK | W_OK) == 0) {
@@ -73,6 +75,8 @@ std::vector<Finding> check_cameras() {
     findings.push_back({Kind::kGood, "no depth camera is plugged in: only logs and data sets", ""});
   return findings;
 }
+
+namespace {
 
 Finding check_disk(const std::string& folder, double bytes_per_s) {
   constexpr double kVga_bytes_per_s = 6e6;  // 640x480, 30 frames a second, compressed

@@ -49,6 +49,11 @@ std::vector<Finding> silent_hosts(const ProcessSet& set, const std::string& this
 /// no route.
 std::string route_interface(const std::string& table, const std::string& address);
 
+/// The depth cameras that are plugged in, and whether this user may open them. devices: one folder
+/// a device, as in /sys/bus/usb/devices; nodes: of the files to open, as /dev/bus/usb.
+std::vector<Finding> check_cameras(const std::string& devices = "/sys/bus/usb/devices",
+                                   const std::string& nodes = "/dev/bus/usb");
+
 /// Multicast route and loopback, receive buffer, memory for the pieces of messages from other
 /// hosts, cameras, disk. record_bytes_per_s: what a recording takes; 0: not known.
 std::vector<Finding> check_machine(const stage::LcmUrl& url, const std::string& record_folder,

@@ -195,6 +195,28 @@ TEST(Doctor, FindsTheInterfaceOfARoute) {
   EXPECT_EQ(route_interface(head + lo + outward, "1.1.1.1"), "eth0");
 }
 
+TEST(Doctor, FindsDepthCamerasAndWhetherTheyMayBeOpened) {
+  const test::TemporaryFolder folder;
+  const auto plug_in = [&](const std::string& port, const std::string& vendor, const char* number) {
+    std::filesystem::create_directories(folder / ("sys/" + port));
+    test::write_bytes(folder / ("sys/" + port + "/idVendor"), vendor + "\n");
+    test::write_bytes(folder / ("sys/" + port + "/idProduct"), "0601\n");
+    test::write_bytes(folder / ("sys/" + port + "/busnum"), "2\n");
+    test::write_bytes(folder / ("sys/" + port + "/devnum"), number);
+  };
+  const auto check = [&] { return check_cameras(folder / "sys", folder / "dev"); };
+  plug_in("1-1", "046d", "4\n");  // a mouse
+  EXPECT_EQ(check().at(0).kind, Kind::kGood);
+  plug_in("2-1", "1d27", "17\n");
+  ASSERT_EQ(check().size(), 1u);
+  EXPECT_EQ(check()[0].kind, Kind::kBad) << "its node is not there, which root may not open either";
+  EXPECT_NE(check()[0].what.find("/dev/002/017"), std::string::npos) << check()[0].what;
+  EXPECT_NE(check()[0].remedy.find("ATTR{idVendor}==\"1d27\""), std::string::npos);
+  std::filesystem::create_directories(folder / "dev/002");
+  test::write_bytes(folder / "dev/002/017", "");
+  EXPECT_EQ(check()[0].kind, Kind::kGood) << check()[0].what;
+}
+
 TEST(Doctor, ChecksTheMachine) {
   stage::LcmUrl url;
   url.recv_buf_size = 1 << 30;
