@@ -68,6 +68,18 @@ bool keep_other_hosts_out(int fd) {
   return setsockopt(fd, SOL_SOCKET, SO_ATTACH_FILTER, &program, sizeof program) == 0;
 }
 
+/// LCM tries the same and, where it fails, prints a page of advice for another kind of set.
+bool has_route(const LcmUrl& url) {
+  const int fd = socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0);
+  sockaddr_in to{};
+  to.sin_family = AF_INET;
+  to.sin_port = htons(static_cast<std::uint16_t>(url.port));
+  const bool found = fd >= 0 && inet_pton(AF_INET, url.group.c_str(), &to.sin_addr) == 1 &&
+                     ::connect(fd, reinterpret_cast<sockaddr*>(&to), sizeof to) == 0;
+  if (fd >= 0) close(fd);
+  return found;
+}
+
 }  // namespace
 
 std::string prefix_fault(const std::string& prefix) {
@@ -204,16 +216,18 @@ std::string fragment_warning(const LcmUrl& url, const FragmentMemory& memory) {
 std::unique_ptr<lcm::LCM> connect(const LcmUrl& wanted) {
   LcmUrl url = wanted;
   if (url.is_udpm()) url.recv_buf_size = std::min(url.recv_buf_size, receive_buffer_limit());
-  const std::set<int> sockets_before = bound_sockets(url.port);
-  auto lcm = std::make_unique<lcm::LCM>(url.to_lcm_string());
-  if (!lcm->good()) {
-    if (!url.is_udpm())
-      throw Error("LCM URL '" + url.to_string() +
-                  "' cannot be opened; check the path and provider");
+  if (url.is_udpm() && !has_route(url)) {
+    const std::string interface = url.ttl == 0 ? "lo" : "NAME (of the LAN's: ip -brief link)";
     throw Error("LCM cannot use " + url.to_string() +
                 ": this machine has no route for multicast. Remedy: sudo ip link set lo up "
-                "multicast on && sudo ip route add 224.0.0.0/4 dev lo");
+                "multicast on && sudo ip route add 224.0.0.0/4 dev " +
+                interface);
   }
+  const std::set<int> sockets_before = bound_sockets(url.port);
+  auto lcm = std::make_unique<lcm::LCM>(url.to_lcm_string());
+  if (!lcm->good())
+    throw Error("LCM URL '" + url.to_string() +
+                "' cannot be opened; check the address, or the path and provider");
   // Starts LCM's receive thread, which tests that a message of its own comes back.
   if (url.is_udpm() && lcm->getFileno() < 0) {
     throw Error("LCM sends to " + url.to_string() +
