@@ -57,12 +57,15 @@ class Folder {
   fs::path path_;
 };
 
-double median(std::vector<double> values) {
+double quantile(std::vector<double> values, double share) {
   if (values.empty()) return 0;
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
+  const auto at =
+      values.begin() + static_cast<std::ptrdiff_t>(share * static_cast<double>(values.size()));
+  std::nth_element(values.begin(), at, values.end());
+  return *at;
 }
+
+double median(const std::vector<double>& values) { return quantile(values, 0.5); }
 
 /// weft record, from when it listens.
 pid_t start_recorder(const Lan& lan, const Folder& folder, const std::string& set) {
@@ -580,8 +583,10 @@ void soak(const std::string& set_text, const std::vector<std::vector<std::uint8_
     }
     EXPECT_EQ(failed, 0);
     for (int quarter = 0; quarter < kQuarters; ++quarter) {
-      std::printf("measured: quarter %d: latency %.2f ms, CPU of all stages %.0f us (medians)",
-                  quarter, median(latency_ms[quarter]), median(cpu_us[quarter]));
+      std::printf(
+          "measured: quarter %d: latency %.2f ms (quickest tenth %.2f), CPU of all stages %.0f us",
+          quarter, median(latency_ms[quarter]), quantile(latency_ms[quarter], 0.1),
+          median(cpu_us[quarter]));
       for (const auto& [stage, bytes] : resident[quarter])
         std::printf(", %s %.2f MB", stage.c_str(), static_cast<double>(bytes) * 1e-6);
       std::printf("\n");
@@ -589,7 +594,8 @@ void soak(const std::string& set_text, const std::vector<std::vector<std::uint8_
     // The caches are full after the first quarter, if that is 256 frames or more.
     for (const auto& [stage, bytes] : resident[kQuarters - 1])
       EXPECT_LT(bytes - resident[0][stage], (2 << 20) + kQuarantine_bytes) << stage;
-    EXPECT_LT(median(latency_ms[3]), 2 * median(latency_ms[0]) + 5);
+    // A drift slows every frame down; what else the machine does, not the quickest ones.
+    EXPECT_LT(quantile(latency_ms[3], 0.1), 2 * quantile(latency_ms[0], 0.1) + 5);
     EXPECT_LT(median(cpu_us[3]), 1.5 * median(cpu_us[0]) + 500);
     EXPECT_EQ(lan.weft("", {"down"}).status, 0);
   });
