@@ -83,7 +83,7 @@ class Mapper::Impl {
       for (const auto& segment : in.input.planes) key_frame.planes.push_back({segment, kNoId});
     const std::int64_t frames = in.input.frame - frame_;
     const double frame_s =
-        first || frames <= 0
+        first || frame_ < 0 || frames <= 0  // -1: of another session
             ? 0.0
             : 1e-6 * static_cast<double>(in.input.utime - utime_) / static_cast<double>(frames);
     const Id id = editor_.add_key_frame(std::move(key_frame));

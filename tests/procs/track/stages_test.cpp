@@ -12,6 +12,7 @@
 #include "procs/planes/stage.hpp"
 #include "procs/track/stage.hpp"
 #include "stage/in_process.hpp"
+#include "support/files.hpp"
 #include "support/textured_room.hpp"
 
 namespace weft {
@@ -235,6 +236,36 @@ TEST(MapStages, SettingsThatCannotBeAreRefused) {
   EXPECT_THROW(track_process::make_stage(settings("vocabulary: none.blob")), Error);
   EXPECT_THROW(track_process::make_stage(settings("vocabulary: ''\nmap_delay: 0")), Error);
   EXPECT_THROW(map_process::make_stage(settings("vocabulary: none.blob")), Error);
+}
+
+TEST(MapStages, ASavedMapIsGoneOnIn) {
+  const test::TemporaryFolder folder;
+  const std::string file = folder / "room.map";
+  std::int64_t points = 0;
+  {
+    Play first("", "save: " + file + "\n");
+    first.play(0, 6);
+    points = first.updates.back().point_count;
+    EXPECT_FALSE(std::filesystem::exists(file));
+  }  // the process stops
+  ASSERT_TRUE(std::filesystem::exists(file));
+
+  ByHand run;
+  run.tracker = track_process::make_stage(settings("vocabulary: ''\nwait_for_mapper: true"));
+  run.mapper = map_process::make_stage(settings("vocabulary: ''\nload: " + file));
+  run.play(7);
+  EXPECT_EQ(int{run.pose.state}, int{camera_pose_t::NOT_STARTED});
+  EXPECT_EQ(run.map_update.point_count, points);
+  for (std::size_t i = 8; i < 14; ++i) {
+    run.play(i);
+    ASSERT_EQ(int{run.pose.state}, int{camera_pose_t::TRACKED}) << run.pose.reason;
+    EXPECT_LT(error_m(run.pose), 0.02);
+    EXPECT_EQ(run.map_update.refused, "");
+  }
+  EXPECT_GE(run.map_update.point_count, points);
+
+  test::write_bytes(file, test::read_bytes(file).substr(0, 5000));
+  EXPECT_THROW(map_process::make_stage(settings("vocabulary: ''\nload: " + file)), Error);
 }
 
 }  // namespace
