@@ -143,6 +143,7 @@ void GarmentMap::add(const Map& map, Id key_frame_id, std::span<const GarmentSig
   std::vector<char> was_seen(garments_.size(), 0);
   for (std::size_t s = 0; s < seen.size(); ++s) {
     if (garment_of[s] < 0) {
+      if (options_.needs_part && seen[s].parts.empty()) continue;
       Garment fresh;
       fresh.id = next_id_++;
       fresh.position_world = seen[s].position;

@@ -42,6 +42,7 @@ struct GarmentMapOptions {
   double centre_sigma_m = 0.05;
   double part_sigma_m = 0.02;
   double max_chi_squared = 16.27;
+  bool needs_part = true;
   int key_frames_to_appear = 5;
   int key_frames_to_disappear = 5;
   double memory = 0.8;
@@ -59,6 +60,9 @@ struct GarmentMapOptions {
     v.field("max_chi_squared", max_chi_squared, {0.1, 1e6}, "",
             "up to which a sighting may be of a known garment or part; 16.27: 99.9 % of three "
             "degrees of freedom");
+    v.field("needs_part", needs_part,
+            "a garment is new only where a part of it was detected: what foreground alone shows "
+            "may be furniture");
     v.field("key_frames_to_appear", key_frames_to_appear, {1, 1000}, "",
             "consecutive key frames that see a garment before it is in the map "
             "(garment-slam.txt 3.5.1: 5)");

@@ -1,10 +1,20 @@
 #include "procs/map/stage.hpp"
 
+#include <algorithm>
 #include <cstdio>
+#include <deque>
 #include <optional>
 
 #include "base/hash.hpp"
+#include "detector/grasp.hpp"
+#include "messages/detections.hpp"
+#include "messages/foreground.hpp"
+#include "messages/grasp.hpp"
 #include "messages/map.hpp"
+#include "messages/map_objects.hpp"
+#include "messages/rgbd.hpp"
+#include "procs/map/sightings.hpp"
+#include "slam/garment_map.hpp"
 #include "slam/map_file.hpp"
 #include "slam/map_history.hpp"
 #include "slam/mapper.hpp"
@@ -17,6 +27,11 @@ struct MapOptions {
   std::string load;
   std::string save;
   int save_every = 20;
+  bool garments = false;
+  int detection_delay = 10;
+  std::vector<double> T_base_camera;
+  SightingOptions sighting;
+  slam::GarmentMapOptions garment_map;
   slam::MapperOptions mapper;
 
   void visit(OptionVisitor& v) {
@@ -30,11 +45,32 @@ struct MapOptions {
             "the process stops; may be the one that is loaded; empty: do not");
     v.field("save_every", save_every, {0, 1'000'000}, "key frames",
             "and each time so many have come, for a process that is killed; 0: only at the end");
+    v.field("garments", garments,
+            "keep garments in the map, by FOREGROUND, PART_DETECTIONS and GRASPS: MAP_OBJECTS");
+    v.field("detection_delay", detection_delay, {1, stage::kMaxFramesBack}, "frames",
+            "what was detected so many frames before is taken in, so that the map need not wait "
+            "for the detector");
+    v.field("T_base_camera", T_base_camera, {0, 16}, "",
+            "pose of the camera in the robot's base, which MAP_OBJECTS then tells positions in as "
+            "well: none, 7 numbers (x y z in m, quaternion x y z w) or the 16 of a 4x4 matrix row "
+            "by row");
+    v.group("sighting", sighting);
+    v.group("garment_map", garment_map);
     v.group("mapper", mapper);
   }
   void validate() const {
     validate_fields(*this, "MapOptions");
     mapper.validate();
+    garment_map.validate();
+    sighting.validate();
+  }
+  std::optional<slam::Rigid3d> base_from_camera() const {
+    detector::GraspOptions grasp;  // the one place that reads such a pose
+    grasp.T_base_camera = T_base_camera;
+    grasp.validate();
+    const auto T = detector::base_from_camera(grasp);
+    if (!T) return std::nullopt;
+    return slam::Rigid3d{Eigen::Quaterniond(T->linear()), T->translation()};
   }
 };
 
@@ -46,10 +82,20 @@ class MapStage : public stage::Stage {
       : options_(options),
         vocabulary_(std::move(vocabulary)),
         loaded_(std::move(loaded)),
-        save_(std::move(save)) {
+        save_(std::move(save)),
+        T_base_camera_(options.base_from_camera()) {
     interface_.name = "map";
     interface_.inputs = {stage::port<keyframe_t>("KEYFRAME")};
     interface_.outputs = {stage::port<map_update_t>("MAP_UPDATE")};
+    if (options_.garments) {
+      const int k = options_.detection_delay;
+      interface_.inputs.push_back(stage::port<rgbd_frame_t>("RGBD_FRAME"));
+      interface_.inputs.push_back(stage::port<camera_pose_t>("CAMERA_POSE"));
+      interface_.inputs.push_back(stage::feedback_port<foreground_t>("FOREGROUND", k));
+      interface_.inputs.push_back(stage::feedback_port<part_detections_t>("PART_DETECTIONS", k));
+      interface_.inputs.push_back(stage::feedback_port<grasps_t>("GRASPS", k));
+      interface_.outputs.push_back(stage::port<map_objects_t>("MAP_OBJECTS"));
+    }
     auto hashed = options_;
     hashed.vocabulary = hashed.load = hashed.save = "";
     hashed.save_every = 0;
@@ -97,6 +143,7 @@ class MapStage : public stage::Stage {
       message.status.reason = static_cast<std::int16_t>(stage::Reason::kNothingNew);
       message.status.text = map.version == 0 ? "there is no map yet" : "the reader has it all";
     }
+    if (options_.garments) keep_garments(content, message.refused.empty(), inputs, outputs);
     if (options_.save_every > 0 && unsaved_ >= options_.save_every) save();
   }
 
@@ -109,6 +156,8 @@ class MapStage : public stage::Stage {
     else
       mapper_.emplace(options_.mapper, vocabulary_);
     history_.begin(mapper_->map().version);
+    garments_.emplace(options_.garment_map);
+    awaited_.clear();
     starter_ = -1;
     unsaved_ = 0;
     Hash64 hash;
@@ -137,6 +186,69 @@ class MapStage : public stage::Stage {
     return "";
   }
 
+  /// A key frame that what was detected in it is awaited for.
+  struct Awaited {
+    std::int64_t seq;
+    slam::Id key_frame;
+    rgbd_frame_t images;
+  };
+
+  void keep_garments(const messages::KeyFrameContent& content, bool added,
+                     const stage::Inputs& inputs, stage::Outputs& outputs) {
+    const header_t& header = inputs.header();
+    const slam::Map& map = mapper_->map();
+    if (content.key_frame && added)
+      awaited_.push_back(
+          {header.seq, mapper_->report().key_frame, inputs.get<rgbd_frame_t>("RGBD_FRAME")});
+    garments_->follow(map);
+    const auto* foreground = inputs.feedback<foreground_t>("FOREGROUND");
+    const auto* detections = inputs.feedback<part_detections_t>("PART_DETECTIONS");
+    const auto* grasps = inputs.feedback<grasps_t>("GRASPS");
+    if (foreground && detections && grasps && foreground->header.seq == grasps->header.seq &&
+        detections->header.seq == grasps->header.seq)
+      take_in(*foreground, *detections, *grasps);
+    // What has not come by now never will.
+    std::erase_if(awaited_, [&](const Awaited& each) {
+      return each.seq <= header.seq - stage::kMaxFramesBack;
+    });
+
+    auto& message = outputs.at<map_objects_t>("MAP_OBJECTS");
+    message.header.coordinate_frame = "world";
+    messages::MapObjectsContent out{map_id_, map.version, std::nullopt, garments_->garments()};
+    const auto pose = messages::from_message(inputs.get<camera_pose_t>("CAMERA_POSE"));
+    if (T_base_camera_ && pose.tracked.state == slam::TrackingState::kTracked)
+      out.T_base_world = *T_base_camera_ * pose.tracked.T_camera_world;
+    messages::to_message(out, message);
+    if (out.garments.empty()) {
+      message.status.code = status_t::NOTHING;
+      message.status.reason = static_cast<std::int16_t>(stage::Reason::kNothingFound);
+      message.status.text = "no garment has been seen";
+    }
+  }
+
+  void take_in(const foreground_t& foreground, const part_detections_t& detections,
+               const grasps_t& grasps) {
+    const auto found = std::find_if(awaited_.begin(), awaited_.end(), [&](const Awaited& each) {
+      return each.seq == grasps.header.seq;
+    });
+    if (found == awaited_.end()) return;
+    const Awaited awaited = std::move(*found);
+    awaited_.erase(found);
+    if (!mapper_->map().key_frames.contains(awaited.key_frame)) return;  // culled since
+    const auto frame =
+        messages::from_message(awaited.images, {.colour = false, .depth = true, .mask = false});
+    if (frame.depth.empty()) throw stage::InvalidInput("RGBD_FRAME: the frame has no depth");
+    std::vector<slam::GarmentSighting> seen;
+    if (foreground.status.code == status_t::OK) {
+      const auto mask = messages::from_message(foreground).mask;
+      if (mask.size() != frame.depth.size())
+        throw stage::InvalidInput("FOREGROUND: the mask is not of the frame's size");
+      seen = sight_garments(frame, mask, messages::from_message(detections).detections,
+                            messages::from_message(grasps), options_.sighting);
+    }
+    garments_->add(mapper_->map(), awaited.key_frame, seen);
+  }
+
   void save() {
     if (save_.empty() || unsaved_ == 0) return;
     unsaved_ = 0;
@@ -148,10 +260,13 @@ class MapStage : public stage::Stage {
   std::optional<slam::SavedMap> loaded_;
   std::uint64_t loaded_hash_ = 0;
   std::string save_;
+  std::optional<slam::Rigid3d> T_base_camera_;
   stage::Interface interface_;
   std::string camera_;
   std::int64_t session_ = 0;
   std::optional<slam::Mapper> mapper_;
+  std::optional<slam::GarmentMap> garments_;
+  std::deque<Awaited> awaited_;
   slam::MapHistory history_;
   std::int64_t map_id_ = 0;
   int unsaved_ = 0;            // key frames since the map was saved

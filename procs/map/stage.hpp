@@ -6,7 +6,8 @@
 #include "base/settings.hpp"
 #include "stage/stage.hpp"
 
-/// weft-map: KEYFRAME to MAP_UPDATE.
+/// weft-map: KEYFRAME to MAP_UPDATE; with `garments` also what the part detector finds to
+/// MAP_OBJECTS.
 namespace weft::map_process {
 
 std::unique_ptr<stage::Stage> make_stage(const Settings& settings);

@@ -3,6 +3,7 @@
 #include "base/error.hpp"
 #include "fuzz/fuzz.hpp"
 #include "messages/map.hpp"
+#include "messages/map_objects.hpp"
 #include "messages/planes.hpp"
 
 /// The messages of planes, camera and map.
@@ -105,6 +106,19 @@ WEFT_FUZZ_TARGET(MapUpdate) {
     slam::Map copy;
     slam::apply(messages::from_message(m), copy);  // what is no map must be refused as well
   });
+}
+
+WEFT_FUZZ_TARGET(MapObjects) {
+  slam::GarmentPart part;
+  part.part = "polo collar";
+  part.has_grasp = true;
+  slam::Garment garment;
+  garment.id = 3;
+  garment.parts = {part, part};
+  messages::MapObjectsContent content{5, 2, slam::Rigid3d{}, {garment}};
+  map_objects_t message{};
+  messages::to_message(content, message);
+  return target(message, kFromMessage);
 }
 
 }  // namespace

@@ -10,6 +10,7 @@ struct Colour {
 
 inline constexpr Colour kPointColour{130, 130, 130};
 inline constexpr Colour kPathColour{220, 30, 30};
+inline constexpr Colour kGarmentColour{200, 0, 120};
 
 /// One that differs from its neighbours'.
 inline Colour plane_colour(std::int64_t id) {

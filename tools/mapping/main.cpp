@@ -1,13 +1,16 @@
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
+#include <algorithm>
 #include <cstdio>
+#include <fstream>
 #include <opencv2/imgcodecs.hpp>
 
 #include "base/error.hpp"
 #include "base/text_file.hpp"
 #include "mapping/map_log.hpp"
 #include "mapping/map_picture.hpp"
+#include "slam/map_file.hpp"
 
 namespace weft::mapping {
 namespace {
@@ -18,12 +21,20 @@ struct Command {
   bool live = false;
 };
 
+bool is_saved_map(const std::string& path) {
+  std::ifstream file(path, std::ios::binary);
+  char magic[8] = {};
+  file.read(magic, sizeof magic);
+  return std::string_view(magic, sizeof magic) == "WEFTBLOB";
+}
+
 MapContent read(const Command& command) {
+  if (is_saved_map(command.input)) return {slam::read_map(command.input).map, {}, {}};
   const auto log = read_map_log(command.input, command.suffix);
   if (log.map_ids.size() > 1)
     fmt::print(stderr, "{}: the map was begun {} times; this is the last one\n", command.input,
                log.map_ids.size());
-  return {log.map, log.path(!command.live)};
+  return {log.map, log.path(!command.live), log.garments};
 }
 
 void write_picture(const std::string& file, const cv::Mat& picture) {
@@ -46,9 +57,11 @@ int export_map(const Command& command) {
   if (!command.top.empty()) write_picture(command.top, top_picture(content, command.picture));
   if (!command.oblique.empty())
     write_picture(command.oblique, oblique_picture(content, command.picture));
-  fmt::print("map version {}: {} key frames, {} points, {} planes; {} poses\n", content.map.version,
-             content.map.key_frames.size(), content.map.points.size(), content.map.planes.size(),
-             content.path.size());
+  const auto in_map = std::count_if(content.garments.begin(), content.garments.end(),
+                                    [](const auto& garment) { return garment.in_map; });
+  fmt::print("map version {}: {} key frames, {} points, {} planes, {} garments; {} poses\n",
+             content.map.version, content.map.key_frames.size(), content.map.points.size(),
+             content.map.planes.size(), in_map, content.path.size());
   return 0;
 }
 
@@ -57,8 +70,11 @@ int run(int argc, char** argv) {
                "weft-export"};
   app.require_subcommand(1);
   Command command;
-  auto* map = app.add_subcommand("map", "the map of a log");
-  map->add_option("input", command.input, "log with MAP_UPDATE and CAMERA_POSE")->required();
+  auto* map = app.add_subcommand("map", "the map of a log, or a saved one");
+  map->add_option(
+         "input", command.input,
+         "log with MAP_UPDATE and CAMERA_POSE, MAP_OBJECTS too, or a map that weft-map saved")
+      ->required();
   map->add_option("--suffix", command.suffix, "of a variant's channels, such as @mine");
   std::vector<CLI::Option*> outputs = {
       map->add_option("--ply", command.ply, "points, planes and path as a point cloud"),

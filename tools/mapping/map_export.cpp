@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cmath>
 #include <cstring>
 #include <nlohmann/json.hpp>
 
@@ -142,6 +143,17 @@ std::string to_obj(const MapContent& content) {
       points.push_back(vertex(point.position_world));
     for (const auto number : points) element("p", {number});
   }
+  for (const auto& garment : content.garments) {
+    if (!garment.in_map) continue;
+    out += fmt::format("o garment_{}\n", garment.id);
+    element("p", {vertex(garment.position_world)});
+    for (const auto& part : garment.parts) {
+      std::string name = part.part;
+      std::replace(name.begin(), name.end(), ' ', '_');
+      out += fmt::format("o garment_{}_{}\n", garment.id, name);
+      element("p", {vertex(part.position_world)});
+    }
+  }
   return out;
 }
 
@@ -177,6 +189,28 @@ std::string to_json(const MapContent& content) {
                               {"confirmed", p.confirmed},
                               {"voxels", p.cloud_world.size()},
                               {"outline_m", corners}});
+  }
+  json["garments"] = nlohmann::json::array();
+  for (const auto& g : content.garments) {
+    nlohmann::json parts = nlohmann::json::array();
+    for (const auto& p : g.parts) {
+      nlohmann::json part{{"part", p.part},
+                          {"position_m", json_of(p.position_world)},
+                          {"sigma_m", std::sqrt(p.covariance.trace() / 3.0)},
+                          {"probability", p.probability},
+                          {"sightings", p.sightings}};
+      if (p.has_grasp)
+        part["grasp"] = {{"score", p.grasp_score}, {"approach", json_of(p.approach_world)}};
+      parts.push_back(std::move(part));
+    }
+    json["garments"].push_back({{"id", g.id},
+                                {"in_map", g.in_map},
+                                {"position_m", json_of(g.position_world)},
+                                {"sigma_m", std::sqrt(g.covariance.trace() / 3.0)},
+                                {"extent_m", g.extent_m},
+                                {"supporting_plane", g.supporting_plane},
+                                {"sightings", g.sightings},
+                                {"parts", std::move(parts)}});
   }
   json["path"] = nlohmann::json::array();
   for (const auto& pose : content.path) {

@@ -7,6 +7,7 @@
 
 #include "base/error.hpp"
 #include "messages/map.hpp"
+#include "messages/map_objects.hpp"
 #include "slam/map_history.hpp"
 #include "stage/log.hpp"
 #include "stage/stage.hpp"
@@ -121,6 +122,10 @@ MapLog read_map_log(const std::string& path, const std::string& suffix) {
   while (log.next(event)) {
     const bool pose = event.channel == "CAMERA_POSE" + suffix;
     const bool update = event.channel == "MAP_UPDATE" + suffix;
+    if (event.channel == "MAP_OBJECTS" + suffix) {
+      const auto message = decode<map_objects_t>(event);
+      if (usable(message->status)) out.garments = messages::from_message(*message).garments;
+    }
     if (event.channel == "RGBD_FRAME") {
       sources.insert(decode<rgbd_frame_t>(event)->header.seq);
     } else if (pose || update) {

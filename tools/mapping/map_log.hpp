@@ -6,6 +6,7 @@
 
 #include "dataset/trajectory_file.hpp"
 #include "slam/anchored_pose.hpp"
+#include "slam/garment_map.hpp"
 #include "slam/map.hpp"
 #include "slam/tracking.hpp"
 
@@ -20,18 +21,20 @@ struct LoggedPose {
 };
 
 struct MapLog {
-  std::vector<LoggedPose> poses;      // in the log's order, one a frame that was answered
-  slam::Map map;                      // the last version
-  std::int64_t map_id = 0;            // 0: the log has none
-  std::vector<std::int64_t> map_ids;  // of all maps in the log, in order
-  std::int64_t frames = 0;            // RGBD_FRAMEs, or answers where the log has none
+  std::vector<LoggedPose> poses;        // in the log's order, one a frame that was answered
+  slam::Map map;                        // the last version
+  std::vector<slam::Garment> garments;  // as the last MAP_OBJECTS has them, candidates too
+  std::int64_t map_id = 0;              // 0: the log has none
+  std::vector<std::int64_t> map_ids;    // of all maps in the log, in order
+  std::int64_t frames = 0;              // RGBD_FRAMEs, or answers where the log has none
 
   /// Poses in the last map, of tracked frames: as they were said, or as the key frames that hold
   /// them have been moved since.
   dataset::Trajectory path(bool corrected) const;
 };
 
-/// Reads one camera's run. suffix: "@mine" reads a variant's CAMERA_POSE@mine and MAP_UPDATE@mine.
+/// Reads one camera's run. suffix: "@mine" reads a variant's CAMERA_POSE@mine, MAP_UPDATE@mine and
+/// MAP_OBJECTS@mine.
 /// Throws Error when the log cannot be read, holds several cameras' poses or neither channel, or
 /// its updates do not follow each other.
 MapLog read_map_log(const std::string& path, const std::string& suffix = "");

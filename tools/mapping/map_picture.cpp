@@ -119,6 +119,30 @@ void draw(const MapContent& content, const View& view, cv::Mat& picture) {
   }
 }
 
+/// What is in the map for good: the reach of each garment, and its parts by name.
+void draw_garments(const MapContent& content, const View& view, cv::Mat& picture) {
+  const cv::Scalar colour = scalar(kGarmentColour);
+  const auto label = [&](const std::string& text, cv::Point at) {
+    cv::putText(picture, text, at + cv::Point(8, 4), cv::FONT_HERSHEY_SIMPLEX, 0.45,
+                cv::Scalar::all(255), 3, cv::LINE_AA);
+    cv::putText(picture, text, at + cv::Point(8, 4), cv::FONT_HERSHEY_SIMPLEX, 0.45, colour, 1,
+                cv::LINE_AA);
+  };
+  for (const auto& garment : content.garments) {
+    if (!garment.in_map) continue;
+    const cv::Point at = view(garment.position_world);
+    cv::circle(picture, at, std::max(4, static_cast<int>(garment.extent_m * view.scale)), colour, 2,
+               cv::LINE_AA);
+    label(fmt::format("garment {}", garment.id), at);
+    for (const auto& part : garment.parts) {
+      const cv::Point place = view(part.position_world);
+      cv::drawMarker(picture, place, colour, cv::MARKER_TILTED_CROSS, 10, 2, cv::LINE_AA);
+      if (part.probability >= 0.05)
+        label(fmt::format("{} {:.0f} %", part.part, 100.0 * part.probability), place);
+    }
+  }
+}
+
 void write(cv::Mat& picture, const MapContent& content, const View& view) {
   std::size_t confirmed = 0;
   for (const auto& [id, p] : content.map.planes) confirmed += p.confirmed;
@@ -172,6 +196,7 @@ cv::Mat top_picture(const MapContent& content, const PictureOptions& options) {
     cv::line(picture, {0, y}, {picture.cols, y}, grid, 1);
   });
   draw(content, view, picture);
+  draw_garments(content, view, picture);
   write(picture, content, view);
   return picture;
 }
@@ -190,6 +215,7 @@ cv::Mat oblique_picture(const MapContent& content, const PictureOptions& options
   fit(view, extent(content), options);
   cv::Mat picture(options.height_px, options.width_px, CV_8UC3, cv::Scalar::all(255));
   draw(content, view, picture);
+  draw_garments(content, view, picture);
   write(picture, content, view);
   return picture;
 }

@@ -68,7 +68,7 @@ const Eigen::Vector3d kShirt(-0.1, 0.47, 1.0);
 
 TEST(GarmentMap, AppearsAfterFiveConsecutiveKeyFramesAndNotBefore) {
   TableTop world;
-  GarmentMap garments({});
+  GarmentMap garments({.needs_part = false});
   for (int k = 0; k < 7; ++k) {
     const Id id = world.look_from(kEye);
     garments.add(world.map, id, std::vector{world.see(id, kShirt)});
@@ -77,7 +77,7 @@ TEST(GarmentMap, AppearsAfterFiveConsecutiveKeyFramesAndNotBefore) {
   }
   EXPECT_EQ(garments.garments()[0].supporting_plane, 0);
   // A candidate that is missed once is none: four times, a miss, four times.
-  GarmentMap flickering({});
+  GarmentMap flickering({.needs_part = false});
   for (int k = 0; k < 9; ++k) {
     const Id id = world.look_from(kEye);
     std::vector<GarmentSighting> seen;
@@ -87,9 +87,26 @@ TEST(GarmentMap, AppearsAfterFiveConsecutiveKeyFramesAndNotBefore) {
   }
 }
 
-TEST(GarmentMap, DisappearsOnlyWhenItShouldBeSeen) {
+TEST(GarmentMap, BeginsOnlyWherePartsAreAndGoesOnWithoutThem) {
   TableTop world;
   GarmentMap garments({});
+  const auto look = [&](bool with_part) {
+    const Id key_frame = world.look_from(kEye);
+    const auto seen = with_part ? world.see(key_frame, kShirt, {{"polo collar", kShirt}})
+                                : world.see(key_frame, kShirt);
+    garments.add(world.map, key_frame, std::vector{seen});
+  };
+  for (int i = 0; i < 6; ++i) look(false);
+  EXPECT_TRUE(garments.garments().empty());
+  look(true);
+  for (int i = 0; i < 4; ++i) look(false);
+  ASSERT_EQ(garments.garments().size(), 1u);
+  EXPECT_TRUE(garments.garments()[0].in_map);
+}
+
+TEST(GarmentMap, DisappearsOnlyWhenItShouldBeSeen) {
+  TableTop world;
+  GarmentMap garments({.needs_part = false});
   for (int k = 0; k < 5; ++k) {
     const Id id = world.look_from(kEye);
     garments.add(world.map, id, std::vector{world.see(id, kShirt)});
@@ -113,7 +130,7 @@ TEST(GarmentMap, TwoSideBySideAreNotConfusedAsNearestFirstWould) {
   // the second garment.
   TableTop world;
   const Eigen::Vector3d a(-0.1, 0.47, 1.0), b(0.1, 0.47, 1.0), off(0.12, 0.0, 0.0);
-  GarmentMap garments({});
+  GarmentMap garments({.needs_part = false});
   for (int k = 0; k < 5; ++k) {
     const Id id = world.look_from(kEye);
     garments.add(world.map, id, std::vector{world.see(id, a), world.see(id, b)});
@@ -138,7 +155,7 @@ TEST(GarmentMap, PartsMergeOverViewsWithTheirUncertainty) {
   const Eigen::Vector3d left = kShirt + Eigen::Vector3d(-0.15, 0, 0);
   const Eigen::Vector3d right = kShirt + Eigen::Vector3d(0.15, 0, 0);
   const Eigen::Vector3d collar = kShirt + Eigen::Vector3d(0, 0, 0.2);
-  GarmentMap garments({});
+  GarmentMap garments({.needs_part = false});
   double first_sigma = 0.0;
   for (int k = 0; k < 20; ++k) {
     const Id id = world.look_from(kEye + Eigen::Vector3d(0.02 * k, 0, 0));
@@ -183,7 +200,7 @@ TEST(GarmentMap, PartsMergeOverViewsWithTheirUncertainty) {
 
 TEST(GarmentMap, FollowsTheMap) {
   TableTop world;
-  GarmentMap garments({});
+  GarmentMap garments({.needs_part = false});
   for (int k = 0; k < 5; ++k) {
     const Id id = world.look_from(kEye);
     garments.add(world.map, id, std::vector{world.see(id, kShirt, {{"collar", kShirt}})});
@@ -205,7 +222,7 @@ TEST(GarmentMap, FollowsTheMap) {
 
 TEST(GarmentMap, RefusesWhatCannotBe) {
   TableTop world;
-  GarmentMap garments({});
+  GarmentMap garments({.needs_part = false});
   const Id id = world.look_from(kEye);
   const auto good = world.see(id, kShirt, {{"collar", kShirt}});
   EXPECT_THROW(garments.add(world.map, 99, std::vector{good}), Error);

@@ -12,6 +12,7 @@
 #include "weft/image_prior_t.hpp"
 #include "weft/keyframe_t.hpp"
 #include "weft/map_content_t.hpp"
+#include "weft/map_objects_t.hpp"
 #include "weft/map_update_t.hpp"
 #include "weft/part_candidates_t.hpp"
 #include "weft/part_detections_t.hpp"
@@ -54,7 +55,10 @@ const std::map<std::string, Known>& known_types() {
       {"map_content_t", {now<map_content_t>(), 0x036d4974e9113bddu}},
       {"map_key_frame_change_t", {now<map_key_frame_change_t>(), 0xb5ef0d4942e146e3u}},
       {"map_key_frame_t", {now<map_key_frame_t>(), 0x4fa4c0c8a06b7e3au}},
+      {"map_object_t", {now<map_object_t>(), 0x62bde0a4f418b01eu}},
+      {"map_objects_t", {now<map_objects_t>(), 0x57ee8a0e82fef72cu}},
       {"map_observation_t", {now<map_observation_t>(), 0x99f4f3f9146a0e38u}},
+      {"map_part_t", {now<map_part_t>(), 0x7454e93652183ecdu}},
       {"map_plane_t", {now<map_plane_t>(), 0x18cd4c6858acf1f4u}},
       {"map_point_t", {now<map_point_t>(), 0xa28c8523f276365bu}},
       {"map_update_t", {now<map_update_t>(), 0x352f11829511e5a5u}},
@@ -196,6 +200,12 @@ TEST(MessageTypes, DecodersCheckEveryCount) {
   key_frame.seen_points.visible = key_frame.seen_points.found = {2};
   key_frame.seen_points.sighting_count = 1;
   damage(key_frame);
+  auto objects = stage::fake::message<map_objects_t>(header);
+  objects.objects.resize(1);
+  objects.object_count = 1;
+  objects.objects[0].parts.resize(1);
+  objects.objects[0].part_count = 1;
+  damage(objects);
   auto update = stage::fake::message<map_update_t>(header);
   update.data = {1, 2, 3};
   update.data_size = 3;

@@ -5,7 +5,11 @@
 #include <map>
 
 #include "base/error.hpp"
+#include "messages/detections.hpp"
+#include "messages/foreground.hpp"
+#include "messages/grasp.hpp"
 #include "messages/map.hpp"
+#include "messages/map_objects.hpp"
 #include "messages/planes.hpp"
 #include "messages/rgbd.hpp"
 #include "procs/map/stage.hpp"
@@ -28,6 +32,13 @@ Message decode(const Bytes& bytes) {
   return message;
 }
 
+template <class Message>
+Bytes encode(const Message& message) {
+  Bytes bytes(static_cast<std::size_t>(message.getEncodedSize()));
+  message.encode(bytes.data(), 0, static_cast<int>(bytes.size()));
+  return bytes;
+}
+
 Settings settings(const std::string& text) { return Settings::from_text(text, "test"); }
 
 /// Frames of the room, every third of 30 a second, rendered once.
@@ -43,9 +54,7 @@ const std::vector<Bytes>& frames() {
       message.header.session = 3;
       message.header.seq = i;
       message.header.utime = 1'000'000 + 100'000 * i;
-      Bytes bytes(static_cast<std::size_t>(message.getEncodedSize()));
-      message.encode(bytes.data(), 0, static_cast<int>(bytes.size()));
-      out.push_back(std::move(bytes));
+      out.push_back(encode(message));
     }
     return out;
   }();
@@ -266,6 +275,104 @@ TEST(MapStages, ASavedMapIsGoneOnIn) {
 
   test::write_bytes(file, test::read_bytes(file).substr(0, 5000));
   EXPECT_THROW(map_process::make_stage(settings("vocabulary: ''\nload: " + file)), Error);
+}
+
+/// A garment that fills a window of the picture, with a part at its middle.
+struct Seen {
+  foreground_t foreground{};
+  part_detections_t detections{};
+  grasps_t grasps{};
+  Eigen::Vector3d point_camera;
+};
+Seen see_garment(const Bytes& frame_bytes) {
+  const auto frame = decode<rgbd_frame_t>(frame_bytes);
+  const auto images =
+      messages::from_message(frame, {.colour = false, .depth = true, .mask = false});
+  Seen out;
+  foreground::Foreground foreground;
+  foreground.mask = cv::Mat::zeros(images.depth.size(), CV_8UC1);
+  const int u = images.depth.cols / 2, v = images.depth.rows / 2;
+  foreground.mask(cv::Rect(u - 40, v - 30, 81, 61)).setTo(255);
+  messages::to_message(foreground, out.foreground);
+  detector::Detection detection;
+  detection.part = "polo collar";
+  detection.probability = 0.6;
+  detection.box_view = {u - 10.0, v - 10.0, 20.0, 20.0};
+  detection.centre_sensor_px = {u + 0.0, v + 0.0};
+  detection.corners_sensor_px.fill(detection.centre_sensor_px);
+  rgbd::View view;
+  view.sensor = images.camera;
+  view.width = images.depth.cols;
+  view.height = images.depth.rows;
+  messages::to_message(view, {detection}, 1, out.detections);
+  out.point_camera = images.camera.unproject(u, v, images.depth_m(u, v));
+  detector::Grasp grasp;
+  grasp.part = "polo collar";
+  grasp.score = 0.5;
+  grasp.pixel = detection.centre_sensor_px;
+  grasp.point_camera_m = out.point_camera;
+  grasp.approach_camera = Eigen::Vector3d::UnitZ();
+  messages::to_message({grasp}, std::nullopt, out.grasps);
+  out.foreground.header = out.detections.header = out.grasps.header = frame.header;
+  return out;
+}
+
+TEST(MapStages, GarmentsAreKeptInTheMap) {
+  Play run("",
+           "garments: true\ndetection_delay: 2\nT_base_camera: [0, 0, 1, 0, 0, 0, 1]\n"
+           "garment_map: {key_frames_to_appear: 1}");
+  std::vector<map_objects_t> said;
+  run.set.observe([&](const std::string& channel, const Bytes& bytes) {
+    if (channel == "MAP_OBJECTS") said.push_back(decode<map_objects_t>(bytes));
+    if (channel == "CAMERA_POSE") run.poses.push_back(decode<camera_pose_t>(bytes));
+    if (channel == "KEYFRAME") run.key_frames.push_back(decode<keyframe_t>(bytes));
+  });
+  std::vector<Eigen::Vector3d> points_camera;
+  for (std::size_t i = 0; i < frames().size(); ++i) {
+    const Seen seen = see_garment(frames()[i]);
+    points_camera.push_back(seen.point_camera);
+    run.set.inject("FOREGROUND", encode(seen.foreground));
+    run.set.inject("PART_DETECTIONS", encode(seen.detections));
+    run.set.inject("GRASPS", encode(seen.grasps));
+    run.set.inject("RGBD_FRAME", frames()[i]);
+    run.set.run();
+  }
+  ASSERT_EQ(said.size(), frames().size());
+  EXPECT_EQ(int{said[1].status.code}, int{status_t::NOTHING});
+  // The first key frame's garment comes two frames later, where its camera saw it.
+  const auto content = messages::from_message(said[2]);
+  ASSERT_EQ(content.garments.size(), 1u);
+  const auto& garment = content.garments[0];
+  EXPECT_TRUE(garment.in_map);
+  ASSERT_EQ(garment.parts.size(), 1u);
+  EXPECT_EQ(garment.parts[0].part, "polo collar");
+  EXPECT_TRUE(garment.parts[0].has_grasp);
+  const auto T_world_camera = messages::from_message(run.poses[0].T_world_camera, "test");
+  EXPECT_LT((garment.parts[0].position_world - T_world_camera * points_camera[0]).norm(), 0.005);
+  // In the robot's base: 1 m behind the camera.
+  ASSERT_TRUE(content.T_base_world);
+  const auto T_camera_world = messages::from_message(run.poses[2].T_world_camera, "test").inverse();
+  const Eigen::Vector3d expected =
+      T_camera_world * garment.position_world + Eigen::Vector3d::UnitZ();
+  EXPECT_LT(
+      (Eigen::Map<const Eigen::Vector3d>(said[2].objects[0].position_base_m) - expected).norm(),
+      1e-9);
+}
+
+TEST(MapStages, ALostDetectionCostsNoKeyFrame) {
+  Play run("", "garments: true\ndetection_delay: 2");
+  for (std::size_t i = 0; i < 6; ++i) {
+    Seen seen = see_garment(frames()[i]);
+    seen.foreground.status.code = status_t::FAILED;
+    run.set.inject("FOREGROUND", encode(seen.foreground));
+    run.set.inject("PART_DETECTIONS", encode(seen.detections));
+    run.set.inject("GRASPS", encode(seen.grasps));
+    run.set.inject("RGBD_FRAME", frames()[i]);
+    run.set.run();
+  }
+  ASSERT_EQ(run.poses.size(), 6u);
+  EXPECT_EQ(int{run.updates[0].status.code}, int{status_t::OK});
+  EXPECT_GT(run.updates[0].key_frame_count, 0);
 }
 
 }  // namespace
