@@ -88,7 +88,35 @@ std::vector<Id> PoseSearch::recognise_planes(const FrameInput& input, const Rigi
   return out;
 }
 
+Rigid3d PoseSearch::keep_what_stands_still(const FrameInput& input, PoseEstimate& estimate) const {
+  constexpr std::size_t kProven = 3;
+  constexpr double kMaxMiss_sigmas = 4.0;
+  Evidence proven;
+  for (std::size_t i = 0; i < estimate.points.size(); ++i) {
+    const auto found = map_.map().points.find(estimate.points[i]);
+    if (found != map_.map().points.end() && found->second.observations.size() >= kProven)
+      proven.add(found->second.position_world, input.features[i], options_.noise);
+  }
+  if (static_cast<int>(proven.points.size()) < options_.points_to_track)
+    return estimate.T_camera_world;
+  const auto result = proven.optimise(input.camera, estimate.T_camera_world, options_.pose);
+  if (result.point_inliers < options_.points_to_track || result.observed_directions < 6)
+    return estimate.T_camera_world;
+  for (std::size_t i = 0; i < estimate.points.size(); ++i) {
+    const auto point = map_.point(estimate.points[i]);
+    if (!point) continue;
+    const Feature& feature = input.features[i];
+    const Eigen::Vector3d x = result.T_camera_world * point->position_world;
+    const double most_px = kMaxMiss_sigmas * options_.noise.pixel_px(feature.level);
+    if (x.z() < kMinDepth_m ||
+        (input.camera.project(x) - Eigen::Vector2d(feature.u_px, feature.v_px)).norm() > most_px)
+      estimate.points[i] = kNoId;
+  }
+  return result.T_camera_world;
+}
+
 void PoseSearch::optimise(const FrameInput& input, PoseEstimate& estimate) const {
+  const Rigid3d start = keep_what_stands_still(input, estimate);
   Evidence evidence;
   std::vector<std::size_t> feature_of;
   for (std::size_t i = 0; i < estimate.points.size(); ++i) {
@@ -101,7 +129,7 @@ void PoseSearch::optimise(const FrameInput& input, PoseEstimate& estimate) const
     feature_of.push_back(i);
   }
   evidence.add_planes(input.planes, estimate.planes, map_);
-  const auto result = evidence.optimise(input.camera, estimate.T_camera_world, options_.pose);
+  const auto result = evidence.optimise(input.camera, start, options_.pose);
   estimate.T_camera_world = result.T_camera_world;
   estimate.information = result.information;
   estimate.observed_directions = result.observed_directions;

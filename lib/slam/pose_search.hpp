@@ -77,6 +77,10 @@ class PoseSearch {
  private:
   std::vector<Id> recognise_planes(const FrameInput& input, const Rigid3d& T_camera_world,
                                    const Matrix6d& covariance) const;
+  /// What the map has seen three times stands still, what it has not may move, and be the greater
+  /// part of what is seen: where enough of the former tells a pose, others that miss it by far are
+  /// taken out of the estimate. Returns that pose, or the estimate's.
+  Rigid3d keep_what_stands_still(const FrameInput& input, PoseEstimate& estimate) const;
   void optimise(const FrameInput& input, PoseEstimate& estimate) const;
 
   const TrackerOptions& options_;
