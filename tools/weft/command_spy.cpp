@@ -41,7 +41,8 @@ class Screen {
       std::string line = lines[i].substr(0, size.ws_col);
       // What a message says must not command the terminal.
       std::replace_if(
-          line.begin(), line.end(), [](char c) { return static_cast<unsigned char>(c) < ' '; }, '?');
+          line.begin(), line.end(), [](char c) { return static_cast<unsigned char>(c) < ' '; },
+          '?');
       screen += (i == marked ? "\033[7m" + line + "\033[0m" : line) + "\033[K\n";
     }
     std::fputs((screen + "\033[J").c_str(), stdout);
