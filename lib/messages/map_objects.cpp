@@ -13,7 +13,7 @@ namespace {
 void copy(const Eigen::Vector3d& from, double (&to)[3]) { std::copy_n(from.data(), 3, to); }
 
 Eigen::Vector3d position(const double (&values)[3], const std::string& where) {
-  const Eigen::Vector3d v = Eigen::Map<const Eigen::Vector3d>(values);
+  Eigen::Vector3d v = Eigen::Map<const Eigen::Vector3d>(values);
   if (!v.allFinite()) throw stage::InvalidInput(where + ": a position is not finite");
   return v;
 }

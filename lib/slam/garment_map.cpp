@@ -132,13 +132,14 @@ void GarmentMap::add(const Map& map, Id key_frame_id, std::span<const GarmentSig
   Eigen::MatrixXd costs =
       Eigen::MatrixXd::Constant(static_cast<Eigen::Index>(seen.size()),
                                 static_cast<Eigen::Index>(garments_.size()), kInfinity);
-  for (std::size_t s = 0; s < seen.size(); ++s)
+  for (std::size_t s = 0; s < seen.size(); ++s) {
     for (std::size_t g = 0; g < garments_.size(); ++g) {
       const double cost = chi_squared(seen[s].position - garments_[g].position_world,
                                       seen[s].covariance + garments_[g].covariance);
       if (cost <= options_.max_chi_squared)
         costs(static_cast<Eigen::Index>(s), static_cast<Eigen::Index>(g)) = cost;
     }
+  }
   const auto garment_of = assign(costs, options_.max_chi_squared);
   std::vector<char> was_seen(garments_.size(), 0);
   for (std::size_t s = 0; s < seen.size(); ++s) {
@@ -189,7 +190,7 @@ void GarmentMap::merge_parts(Garment& garment, const SeenInWorld& seen) const {
   Eigen::MatrixXd costs =
       Eigen::MatrixXd::Constant(static_cast<Eigen::Index>(seen.parts.size()),
                                 static_cast<Eigen::Index>(garment.parts.size()), kInfinity);
-  for (std::size_t s = 0; s < seen.parts.size(); ++s)
+  for (std::size_t s = 0; s < seen.parts.size(); ++s) {
     for (std::size_t p = 0; p < garment.parts.size(); ++p) {
       if (seen.parts[s].part != garment.parts[p].part) continue;
       const double cost =
@@ -198,6 +199,7 @@ void GarmentMap::merge_parts(Garment& garment, const SeenInWorld& seen) const {
       if (cost <= options_.max_chi_squared)
         costs(static_cast<Eigen::Index>(s), static_cast<Eigen::Index>(p)) = cost;
     }
+  }
   const auto part_of = assign(costs, options_.max_chi_squared);
   for (auto& part : garment.parts) part.probability *= options_.memory;
   std::vector<char> was_seen(garment.parts.size(), 0);
