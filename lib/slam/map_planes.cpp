@@ -44,10 +44,11 @@ std::vector<Eigen::Vector3f> in_world(std::span<const Eigen::Vector3f> points_ca
 bool near(std::span<const Eigen::Vector3f> cloud, const std::set<Voxel>& occupied, double side_m) {
   for (const auto& point : cloud) {
     const Voxel middle = voxel_of(point, side_m);
-    for (int x = -1; x <= 1; ++x)
+    for (int x = -1; x <= 1; ++x) {
       for (int y = -1; y <= 1; ++y)
         for (int z = -1; z <= 1; ++z)
           if (occupied.contains({middle[0] + x, middle[1] + y, middle[2] + z})) return true;
+    }
   }
   return false;
 }
@@ -236,11 +237,13 @@ void PlaneMapper::rebuild_cloud(MapEditor& editor, Id id) const {
 
 /// Side by side in one picture, and not in one plane: two planes, however little they differ.
 bool PlaneMapper::seen_apart(const Map& map, const MapPlane& a, const MapPlane& b) const {
-  for (const auto& seen_a : a.observations)
-    for (const auto& seen_b : b.observations)
+  for (const auto& seen_a : a.observations) {
+    for (const auto& seen_b : b.observations) {
       if (seen_a.key_frame == seen_b.key_frame &&
           !are_one(segment_of(map, seen_a), segment_of(map, seen_b)))
         return true;
+    }
+  }
   return false;
 }
 

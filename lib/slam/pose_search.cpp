@@ -195,10 +195,11 @@ std::optional<PoseEstimate> PoseSearch::by_motion(const FrameInput& input, const
       for (auto& s : sought) s.radius_px *= 2.0f;
     matches = match_by_place(sought, grid, kLoose_bits, 1.0);
     std::vector<float> turns;
-    for (const auto& match : matches)
+    for (const auto& match : matches) {
       turns.push_back(
           last.input.features[feature_of[static_cast<std::size_t>(match.sought)]].angle_deg -
           input.features[static_cast<std::size_t>(match.feature)].angle_deg);
+    }
     keep_common_turn(matches, turns);
   }
 
@@ -222,10 +223,11 @@ std::optional<PoseEstimate> PoseSearch::by_motion(const FrameInput& input, const
   estimate.T_camera_world = result.T_camera_world;
   estimate.information = result.information;
   estimate.observed_directions = result.observed_directions;
-  for (std::size_t k = 0; k < matches.size(); ++k)
+  for (std::size_t k = 0; k < matches.size(); ++k) {
     if (result.point_inlier[k] != 0)
       estimate.points[static_cast<std::size_t>(matches[k].feature)] =
           last.points[feature_of[static_cast<std::size_t>(matches[k].sought)]];
+  }
   return estimate;
 }
 
@@ -381,10 +383,11 @@ std::string PoseSearch::objection(const PoseEstimate& estimate, int least_points
   const int least = estimate.plane_directions >= 3   ? least_points / 5
                     : estimate.plane_directions == 2 ? least_points / 3
                                                      : least_points;
-  if (estimate.point_inliers < least)
+  if (estimate.point_inliers < least) {
     return std::to_string(estimate.point_inliers) + " points and " +
            std::to_string(estimate.plane_inliers) + " planes agree; expected " +
            std::to_string(least) + " points";
+  }
   if (estimate.observed_directions < 6)
     return std::to_string(6 - estimate.observed_directions) +
            " directions of motion are not determined";

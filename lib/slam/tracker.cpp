@@ -21,12 +21,14 @@ double seconds(std::int64_t duration_us) { return static_cast<double>(duration_u
 void check(const FrameInput& input, const TrackerOptions& options) {
   const std::string where = "frame " + std::to_string(input.frame);
   input.camera.validate(where);
-  for (const auto& f : input.features)
+  for (const auto& f : input.features) {
     if (!std::isfinite(f.u_px) || !std::isfinite(f.v_px) || !std::isfinite(f.depth_m) ||
-        f.depth_m < 0.0f || f.level < 0 || f.level >= options.levels)
+        f.depth_m < 0.0f || f.level < 0 || f.level >= options.levels) {
       throw Error(where +
                   ": a feature is not finite, has a negative depth or a level that is not " +
                   "below TrackerOptions::levels (" + std::to_string(options.levels) + ")");
+    }
+  }
   for (const auto& segment : input.planes) {
     check_observation(observe(segment), 1, where + ", a plane");
     with_floors(segment.covariance, options.plane_match.noise);
@@ -239,8 +241,8 @@ std::string Tracker::Impl::find(const FrameInput& input, PoseEstimate& estimate)
                             segments,          plane_ids,          key_frame.T_camera_world};
     return try_looks(input, grid, source, id, least, estimate);
   };
-  const std::string again = lost_ ? "found again" : "";
-  const std::string where = lost_ ? "found again where it was lost" : "";
+  std::string again = lost_ ? "found again" : "";
+  std::string where = lost_ ? "found again where it was lost" : "";
   if (last_ && try_frame(*last_) && sound(where)) return where;
   std::vector<Id> tried;
   const Id reference = last_ ? last_->anchor.reference : kNoId;
@@ -266,7 +268,7 @@ std::string Tracker::Impl::find(const FrameInput& input, PoseEstimate& estimate)
   if (candidates.size() > kCandidates) candidates.resize(kCandidates);
   for (const Id id : candidates) {
     if (std::find(tried.begin(), tried.end(), id) != tried.end()) continue;
-    const std::string there = "found in key frame " + std::to_string(id) + " by its looks";
+    std::string there = "found in key frame " + std::to_string(id) + " by its looks";
     if (try_key_frame(id) && sound(there)) return there;
   }
   if (doubtful) {
@@ -285,11 +287,12 @@ void Tracker::Impl::accept(const FrameInput& input, PoseEstimate& estimate, Trac
   if (lost_) found_again_utime_ = input.utime;
   const Id reference = search_.reference(estimate);
   const Id held_by = reference != kNoId ? reference : last_ ? last_->anchor.reference : kNoId;
-  if (last_ && !lost_ && last_frame_ && last_->input.frame == *last_frame_)
+  if (last_ && !lost_ && last_frame_ && last_->input.frame == *last_frame_) {
     motion_ = Motion{estimate.T_camera_world * last_->T_camera_world.inverse(),
                      input.utime - last_utime_};
-  else
+  } else {
     motion_.reset();
+  }
   lost_ = false;
 
   for (const Id id : visible_) ++seen_points_[id].visible;
@@ -335,10 +338,11 @@ bool Tracker::Impl::few_are_left(const FrameInput& input, const PoseEstimate& es
   const auto& map = copy_.map();
   int of_reference = 0;
   const std::size_t least_observations = map.key_frames.size() > 2 ? 3 : 2;
-  if (const auto found = map.key_frames.find(reference); found != map.key_frames.end())
+  if (const auto found = map.key_frames.find(reference); found != map.key_frames.end()) {
     for (const Id id : found->second.points)
       if (id != kNoId && map.points.at(id).observations.size() >= least_observations)
         ++of_reference;
+  }
   int known = 0, close_known = 0, close_unknown = 0;
   for (std::size_t i = 0; i < estimate.points.size(); ++i) {
     if (estimate.points[i] != kNoId) ++known;

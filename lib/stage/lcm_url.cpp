@@ -239,11 +239,12 @@ std::unique_ptr<lcm::LCM> connect(const LcmUrl& wanted) {
     bool kept_out = false;
     for (const int fd : bound_sockets(url.port))
       if (!sockets_before.contains(fd)) kept_out = keep_other_hosts_out(fd);
-    if (!kept_out)
+    if (!kept_out) {
       spdlog::warn(
           "this kernel does not let messages of other hosts be kept out; to keep them out: sudo ip "
           "route replace {}/32 dev lo",
           url.group);
+    }
   }
   return lcm;
 }

@@ -32,10 +32,11 @@ std::optional<Eigen::Vector3d> point_at(const rgbd::RgbdFrame& frame, const cv::
   const int u = static_cast<int>(std::lround(pixel.x())),
             v = static_cast<int>(std::lround(pixel.y()));
   std::vector<double> depths_m;
-  for (int y = std::max(0, v - kReach_px); y <= std::min(labels.rows - 1, v + kReach_px); ++y)
+  for (int y = std::max(0, v - kReach_px); y <= std::min(labels.rows - 1, v + kReach_px); ++y) {
     for (int x = std::max(0, u - kReach_px); x <= std::min(labels.cols - 1, u + kReach_px); ++x)
       if (labels.at<int>(y, x) == label && frame.depth_m(x, y) > 0.0)
         depths_m.push_back(frame.depth_m(x, y));
+  }
   if (depths_m.empty()) return std::nullopt;
   const auto middle = depths_m.begin() + static_cast<std::ptrdiff_t>(depths_m.size() / 2);
   std::nth_element(depths_m.begin(), middle, depths_m.end());

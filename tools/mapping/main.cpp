@@ -93,10 +93,12 @@ int run(int argc, char** argv) {
       ->check(CLI::Range(100, 8192))
       ->capture_default_str();
   map->callback([&] {
-    if (std::none_of(outputs.begin(), outputs.end(), [](const auto* o) { return o->count() > 0; }))
+    if (std::none_of(outputs.begin(), outputs.end(),
+                     [](const auto* o) { return o->count() > 0; })) {
       throw CLI::ValidationError(
           "nothing to write: give --ply, --pcd, --obj, --json, --top, "
           "--oblique or --path");
+    }
   });
   try {
     app.parse(argc, argv);

@@ -170,10 +170,11 @@ std::string to_json(const MapContent& content) {
          {"T_world_camera", json_of(T_world_camera.rotation, T_world_camera.translation)}});
   }
   json["points"] = nlohmann::json::array();
-  for (const auto& [id, p] : content.map.points)
+  for (const auto& [id, p] : content.map.points) {
     json["points"].push_back({{"id", id},
                               {"position_m", json_of(p.position_world)},
                               {"observations", p.observations.size()}});
+  }
   json["planes"] = nlohmann::json::array();
   for (const auto& [id, p] : content.map.planes) {
     nlohmann::json corners = nlohmann::json::array();

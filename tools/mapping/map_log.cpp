@@ -73,10 +73,11 @@ class Reader {
     const bool fresh = message.map_id != out_.map_id;
     if (message.to_version == 0) return;
     if (!fresh && message.to_version <= out_.map.version) return;
-    if (message.from_version != 0 && (fresh || message.from_version > out_.map.version))
+    if (message.from_version != 0 && (fresh || message.from_version > out_.map.version)) {
       throw Error("MAP_UPDATE of frame " + std::to_string(message.header.seq) +
                   " goes on from version " + std::to_string(message.from_version) +
                   ", which the log does not hold; take the log from the map's beginning on");
+    }
     const auto update = slam::continued_from(messages::from_message(message), out_.map);
     if (fresh) {
       // Poses said before the mapper took their map up are in the map that begins now.

@@ -84,10 +84,11 @@ int record_command(const RecordOptions& options) {
   }
   if (left_out > 0)
     fmt::print("left out: {} messages whose channel's name no log can hold\n", left_out);
-  if (events == 0)
+  if (events == 0) {
     fmt::print(stderr,
                "nothing was heard: is a set running (weft status), with this URL and in this "
                "network namespace?\n");
+  }
   return fault.empty() && events > 0 ? 0 : 1;
 }
 

@@ -144,10 +144,11 @@ int spy_command(const SpyOptions& options) {
   }
   if (!options.json.empty())
     write_text_file(options.json, to_json(rows, table, seconds).dump(2) + "\n");
-  if (rows.empty())
+  if (rows.empty()) {
     fmt::print(stderr,
                "nothing was heard: is a set running (weft status), with this URL and in this "
                "network namespace?\n");
+  }
   return rows.empty() ? 1 : 0;
 }
 

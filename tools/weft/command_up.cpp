@@ -334,24 +334,26 @@ int status(const StatusOptions& options, const StageRegistry& registry) {
   for (const auto& [name, of] : all_heard) {
     const auto& [first, last] = of;
     const auto failed = last.frames_failed - first.frames_failed;
-    if (failed > 0 && failed == answered(last) - answered(first))
+    if (failed > 0 && failed == answered(last) - answered(first)) {
       problems.push_back({Finding::Kind::kBad,
                           fmt::format("{} failed on each of the last {} frames: {}", name, failed,
                                       last.last_error),
                           "weft doctor " + (set ? set->file.string() : "SET.yaml") +
                               " looks for the reason; weft logs " + name + " has all it said"});
+    }
   }
   for (const auto& finding : problems) {
     all_well = false;
     fmt::print("{}\n  remedy: {}\n", finding.what, finding.remedy);
     json["problems"].push_back(finding.what);
   }
-  if (!folder)
+  if (!folder) {
     fmt::print("this host runs nothing of {}; heard on {}: {} processes\n", title, url.to_string(),
                everyone.size());
-  else if (!supervised)
+  } else if (!supervised) {
     fmt::print(
         "the supervisor is not running; weft down cleans up, weft up starts the set again\n");
+  }
   if (!not_compared.empty())
     fmt::print("settings and models are not compared with the set's files: {}\n", not_compared);
   if (!not_heard.empty()) fmt::print("cannot listen to the processes: {}\n", not_heard);
