@@ -27,6 +27,16 @@ void check_share(double value, const char* what, const std::string& where) {
     throw Error(where + ": a " + what + " of " + std::to_string(value) + "; expected 0 to 1");
 }
 
+void check_extent(double extent_m, const std::string& where) {
+  if (!(extent_m >= 0.0 && extent_m <= 100.0))
+    throw Error(where + ": an extent of " + std::to_string(extent_m) + " m; expected 0 to 100");
+}
+
+void check_direction(const Eigen::Vector3d& direction, const std::string& where) {
+  if (!(std::abs(direction.norm() - 1.0) < 1e-3))
+    throw Error(where + ": the approach is not of unit length");
+}
+
 double chi_squared(const Eigen::Vector3d& difference, const Eigen::Matrix3d& covariance) {
   return covariance.llt().matrixL().solve(difference).squaredNorm();
 }
@@ -50,12 +60,15 @@ Eigen::Matrix3d with_floor(const Eigen::Matrix3d& covariance, double sigma_m) {
 
 Eigen::Matrix3d point_covariance(const rgbd::CameraModel& camera,
                                  const Eigen::Vector3d& point_camera, double sigma_px,
-                                 double sigma_depth_m) {
+                                 double sigma_depth_m, const Eigen::Vector2d& slope_m_px) {
   // x = (u - cx) z / fx, likewise y.
-  Eigen::Matrix3d J = Eigen::Matrix3d::Zero();
-  J(0, 0) = sigma_px * point_camera.z() / camera.fx;
-  J(1, 1) = sigma_px * point_camera.z() / camera.fy;
-  J.col(2) = sigma_depth_m * point_camera / point_camera.z();
+  const Eigen::Vector3d ray = point_camera / point_camera.z();
+  Eigen::Matrix3d J;
+  J.col(0) =
+      sigma_px * (point_camera.z() / camera.fx * Eigen::Vector3d::UnitX() + slope_m_px.x() * ray);
+  J.col(1) =
+      sigma_px * (point_camera.z() / camera.fy * Eigen::Vector3d::UnitY() + slope_m_px.y() * ray);
+  J.col(2) = sigma_depth_m * ray;
   return J * J.transpose();
 }
 
@@ -70,22 +83,29 @@ GarmentMap::GarmentMap(const GarmentMapOptions& options) : options_(options) {
   options_.validate();
 }
 
-GarmentMap::GarmentMap(const GarmentMapOptions& options, std::vector<Garment> garments, Id next_id)
-    : GarmentMap(options) {
+void check_garments(const SavedGarments& saved) {
   Id last = -1;
-  for (const auto& garment : garments) {
+  for (const auto& garment : saved.garments) {
     const std::string where = "garment " + std::to_string(garment.id);
-    if (garment.id <= last || garment.id >= next_id)
-      throw Error(where + ": ids are not in order, or not below " + std::to_string(next_id));
+    if (garment.id <= last || garment.id >= saved.next_id)
+      throw Error(where + ": ids are not in order, or not below " + std::to_string(saved.next_id));
     last = garment.id;
     check_position(garment.position_world, garment.covariance, where);
+    check_extent(garment.extent_m, where);
     for (const auto& part : garment.parts) {
-      check_position(part.position_world, part.covariance, where);
-      check_share(part.probability, "probability", where);
+      check_position(part.position_world, part.covariance, where + ", " + part.part);
+      check_share(part.probability, "probability", where + ", " + part.part);
+      check_share(part.grasp_score, "grasp score", where + ", " + part.part);
+      check_direction(part.approach_world, where + ", " + part.part);
     }
   }
-  garments_ = std::move(garments);
-  next_id_ = next_id;
+}
+
+GarmentMap::GarmentMap(const GarmentMapOptions& options, SavedGarments saved)
+    : GarmentMap(options) {
+  check_garments(saved);
+  garments_ = std::move(saved.garments);
+  next_id_ = saved.next_id;
 }
 
 void GarmentMap::add(const Map& map, Id key_frame_id, std::span<const GarmentSighting> sightings) {
@@ -100,8 +120,7 @@ void GarmentMap::add(const Map& map, Id key_frame_id, std::span<const GarmentSig
     const auto& sighting = sightings[i];
     const std::string where = "garment sighting " + std::to_string(i);
     check_position(sighting.position_camera, sighting.covariance_camera, where);
-    if (!(sighting.extent_m >= 0.0 && sighting.extent_m <= 100.0))
-      throw Error(where + ": an extent of " + std::to_string(sighting.extent_m) + " m");
+    check_extent(sighting.extent_m, where);
     const auto noise = [](double sigma_m) -> Eigen::Matrix3d {
       return sigma_m * sigma_m * Eigen::Matrix3d::Identity();
     };
@@ -113,8 +132,7 @@ void GarmentMap::add(const Map& map, Id key_frame_id, std::span<const GarmentSig
       check_position(part.position_camera, part.covariance_camera, where + ", " + part.part);
       check_share(part.probability, "probability", where + ", " + part.part);
       check_share(part.grasp_score, "grasp score", where + ", " + part.part);
-      if (part.has_grasp && !(std::abs(part.approach_camera.norm() - 1.0) < 1e-3))
-        throw Error(where + ", " + part.part + ": the approach is not of unit length");
+      if (part.has_grasp) check_direction(part.approach_camera, where + ", " + part.part);
       GarmentPart to;
       to.part = part.part;
       to.position_world = T_world_camera * part.position_camera;

@@ -33,10 +33,12 @@ struct GarmentSighting {
   std::vector<PartSighting> parts;
 };
 
-/// Of a point whose pixel and depth are measured with these standard deviations.
+/// Of a point whose pixel and depth are measured with these standard deviations. slope_m_px: how
+/// depth changes along u and v there, so that another pixel is another depth.
 Eigen::Matrix3d point_covariance(const rgbd::CameraModel& camera,
                                  const Eigen::Vector3d& point_camera, double sigma_px,
-                                 double sigma_depth_m);
+                                 double sigma_depth_m,
+                                 const Eigen::Vector2d& slope_m_px = Eigen::Vector2d::Zero());
 
 struct GarmentMapOptions {
   double centre_sigma_m = 0.05;
@@ -110,11 +112,19 @@ struct Garment {
   Eigen::Vector3d position_anchor = Eigen::Vector3d::Zero();  // in the anchor's camera
 };
 
+struct SavedGarments {
+  std::vector<Garment> garments;
+  Id next_id = 0;
+};
+/// Throws Error on values no GarmentMap holds: positions that are not finite, covariances that are
+/// not positive definite, shares outside 0 to 1, ids that do not ascend or are not below the next.
+void check_garments(const SavedGarments& saved);
+
 class GarmentMap {
  public:
   explicit GarmentMap(const GarmentMapOptions& options);
-  /// Goes on with saved garments. Throws Error on values that cannot be.
-  GarmentMap(const GarmentMapOptions& options, std::vector<Garment> garments, Id next_id);
+  /// Goes on with saved garments. Throws Error as check_garments.
+  GarmentMap(const GarmentMapOptions& options, SavedGarments saved);
 
   /// What a key frame of the map saw; empty: it looked and saw none. Throws Error, and changes
   /// nothing, when the key frame is not in the map or a value cannot be.
@@ -124,7 +134,7 @@ class GarmentMap {
 
   /// All, candidates too, by id.
   const std::vector<Garment>& garments() const { return garments_; }
-  Id next_id() const { return next_id_; }
+  SavedGarments saved() const { return {garments_, next_id_}; }
 
  private:
   struct SeenInWorld;

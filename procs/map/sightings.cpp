@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
-#include <opencv2/imgproc.hpp>
 #include <optional>
 
 namespace weft::map_process {
@@ -12,6 +11,8 @@ namespace {
 using slam::GarmentSighting;
 using slam::PartSighting;
 
+constexpr int kReach_px = 4;  // of the pixels that tell a part's depth
+
 /// A piece of the mask as its depth shows it.
 struct Piece {
   Eigen::Vector3d sum = Eigen::Vector3d::Zero();
@@ -19,28 +20,40 @@ struct Piece {
   int points = 0;
 };
 
-Eigen::Matrix3d covariance(const rgbd::CameraModel& camera, const Eigen::Vector3d& point_camera,
-                           const SightingOptions& options) {
-  return slam::point_covariance(camera, point_camera, options.sigma_px,
-                                options.inverse_depth_per_m * point_camera.z() * point_camera.z());
-}
+/// The cloth round a pixel.
+struct Patch {
+  double depth_m = 0.0;                                  // median
+  Eigen::Vector2d slope_m_px = Eigen::Vector2d::Zero();  // of depth along u and v
+};
 
-/// The cloth at a pixel: the median depth within 4 px, of the same piece. nullopt: none.
-std::optional<Eigen::Vector3d> point_at(const rgbd::RgbdFrame& frame, const cv::Mat& labels,
-                                        int label, const Eigen::Vector2d& pixel) {
-  constexpr int kReach_px = 4;
+/// Of the points of a piece within `reach_px`. nullopt: there are none.
+std::optional<Patch> patch_at(const rgbd::RgbdFrame& frame, const cv::Mat& labels, int label,
+                              const Eigen::Vector2d& pixel, int reach_px) {
   const int u = static_cast<int>(std::lround(pixel.x())),
             v = static_cast<int>(std::lround(pixel.y()));
   std::vector<double> depths_m;
-  for (int y = std::max(0, v - kReach_px); y <= std::min(labels.rows - 1, v + kReach_px); ++y) {
-    for (int x = std::max(0, u - kReach_px); x <= std::min(labels.cols - 1, u + kReach_px); ++x)
-      if (labels.at<int>(y, x) == label && frame.depth_m(x, y) > 0.0)
-        depths_m.push_back(frame.depth_m(x, y));
+  Eigen::Matrix3d A = Eigen::Matrix3d::Zero();
+  Eigen::Vector3d b = Eigen::Vector3d::Zero();
+  for (int y = std::max(0, v - reach_px); y <= std::min(labels.rows - 1, v + reach_px); ++y) {
+    for (int x = std::max(0, u - reach_px); x <= std::min(labels.cols - 1, u + reach_px); ++x) {
+      const double z_m = frame.depth_m(x, y);
+      if (labels.at<int>(y, x) != label || !(z_m > 0.0)) continue;
+      depths_m.push_back(z_m);
+      const Eigen::Vector3d row(x - u, y - v, 1.0);
+      A += row * row.transpose();
+      b += z_m * row;
+    }
   }
   if (depths_m.empty()) return std::nullopt;
+  Patch out;
   const auto middle = depths_m.begin() + static_cast<std::ptrdiff_t>(depths_m.size() / 2);
   std::nth_element(depths_m.begin(), middle, depths_m.end());
-  return frame.camera.unproject(pixel.x(), pixel.y(), *middle);
+  out.depth_m = *middle;
+  const double side = 2.0 * reach_px + 1.0;
+  if (static_cast<double>(depths_m.size()) >=
+      0.25 * side * side)  // else a line may be all there is
+    out.slope_m_px = A.ldlt().solve(b).head<2>();
+  return out;
 }
 
 }  // namespace
@@ -49,21 +62,14 @@ std::vector<GarmentSighting> sight_garments(const rgbd::RgbdFrame& frame, const 
                                             std::span<const detector::Detection> detections,
                                             std::span<const detector::Grasp> grasps,
                                             const SightingOptions& options) {
-  cv::Mat labels;
-  const int count = cv::connectedComponents(mask, labels, 8, CV_32S);
-  std::vector<Piece> pieces(static_cast<std::size_t>(count));
-  std::vector<int> in_order;  // labels, as their first pixels lie: OpenCV's own order may differ
-  std::vector<std::uint8_t> met(pieces.size(), 0);
+  const auto [labels, count] = foreground::part_mask(frame, mask, options.pieces);
+  const double inverse_depth_per_m = options.pieces.inverse_depth_per_m;
+  std::vector<Piece> pieces(static_cast<std::size_t>(count) + 1);
   for (int v = 0; v < labels.rows; ++v) {
     for (int u = 0; u < labels.cols; ++u) {
       const int label = labels.at<int>(v, u);
-      if (label == 0) continue;
-      if (met[static_cast<std::size_t>(label)] == 0) {
-        met[static_cast<std::size_t>(label)] = 1;
-        in_order.push_back(label);
-      }
       const double z_m = frame.depth_m(u, v);
-      if (!(z_m > 0.0)) continue;
+      if (label == 0 || !(z_m > 0.0)) continue;
       const Eigen::Vector3d point = frame.camera.unproject(u, v, z_m);
       Piece& piece = pieces[static_cast<std::size_t>(label)];
       piece.sum += point;
@@ -74,15 +80,18 @@ std::vector<GarmentSighting> sight_garments(const rgbd::RgbdFrame& frame, const 
   }
   std::vector<GarmentSighting> out;
   std::map<int, std::size_t> garment_of;  // by label
-  for (const int label : in_order) {
+  for (int label = 1; label <= count; ++label) {
     const Piece& piece = pieces[static_cast<std::size_t>(label)];
     if (piece.points == 0) continue;
     GarmentSighting garment;
     garment.extent_m = 0.5 * (piece.high - piece.low).maxCoeff();
-    if (garment.extent_m < options.least_extent_m || garment.extent_m > options.most_extent_m)
+    if (garment.extent_m < options.pieces.least_extent_m ||
+        garment.extent_m > options.most_extent_m)
       continue;
     garment.position_camera = piece.sum / piece.points;
-    garment.covariance_camera = covariance(frame.camera, garment.position_camera, options);
+    const double z_m = garment.position_camera.z();
+    garment.covariance_camera = slam::point_covariance(
+        frame.camera, garment.position_camera, options.sigma_px, inverse_depth_per_m * z_m * z_m);
     garment_of[label] = out.size();
     out.push_back(std::move(garment));
   }
@@ -104,17 +113,26 @@ std::vector<GarmentSighting> sight_garments(const rgbd::RgbdFrame& frame, const 
       return g.detection == static_cast<int>(i) && g.part == detection.part &&
              g.point_camera_m.z() > 0.0;
     });
-    if (grasp != grasps.end()) {
-      part.has_grasp = true;
+    part.has_grasp = grasp != grasps.end();
+    const Eigen::Vector2d pixel =
+        part.has_grasp ? frame.camera.project(grasp->point_camera_m) : centre;
+    const auto patch = patch_at(frame, labels, label, pixel, kReach_px);
+    if (part.has_grasp) {
       part.grasp_score = grasp->score;
       part.position_camera = grasp->point_camera_m;
       part.approach_camera = grasp->approach_camera;
-    } else if (const auto point = point_at(frame, labels, label, centre)) {
-      part.position_camera = *point;
+    } else if (patch) {
+      part.position_camera = frame.camera.unproject(pixel.x(), pixel.y(), patch->depth_m);
     } else {
       continue;
     }
-    part.covariance_camera = covariance(frame.camera, part.position_camera, options);
+    const double z_m = part.position_camera.z();
+    const Patch wide =
+        patch_at(frame, labels, label, pixel, static_cast<int>(std::lround(options.sigma_px)))
+            .value_or(Patch{});
+    part.covariance_camera =
+        slam::point_covariance(frame.camera, part.position_camera, options.sigma_px,
+                               inverse_depth_per_m * z_m * z_m, wide.slope_m_px);
     out[garment->second].parts.push_back(std::move(part));
   }
   return out;

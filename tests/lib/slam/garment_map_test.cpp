@@ -242,8 +242,36 @@ TEST(GarmentMap, RefusesWhatCannotBe) {
     s.parts[0].has_grasp = true;
     s.parts[0].approach_camera *= 2.0;
   });
-  Garment garment;
-  EXPECT_THROW(GarmentMap({}, {garment}, 0), Error);
+}
+
+TEST(GarmentMap, GoesOnWithWhatItSaved) {
+  TableTop world;
+  GarmentMap garments({.needs_part = false});
+  for (int k = 0; k < 3; ++k) {
+    const Id id = world.look_from(kEye);
+    garments.add(world.map, id, std::vector{world.see(id, kShirt, {{"collar", kShirt}})});
+  }
+  GarmentMap again({.needs_part = false}, garments.saved());
+  for (int k = 0; k < 2; ++k) {
+    const Id id = world.look_from(kEye);
+    again.add(world.map, id, std::vector{world.see(id, kShirt)});
+  }
+  ASSERT_EQ(again.garments().size(), 1u);
+  EXPECT_TRUE(again.garments()[0].in_map);
+  EXPECT_EQ(again.garments()[0].id, garments.garments()[0].id);
+  EXPECT_EQ(again.garments()[0].parts.size(), 1u);
+
+  const auto refuses = [&](auto change) {
+    SavedGarments bad = garments.saved();
+    change(bad);
+    EXPECT_THROW(GarmentMap({}, bad), Error);
+  };
+  refuses([](auto& s) { s.next_id = 0; });
+  refuses([](auto& s) { s.garments.push_back(s.garments[0]); });
+  refuses([](auto& s) { s.garments[0].extent_m = -1.0; });
+  refuses([](auto& s) { s.garments[0].covariance.setZero(); });
+  refuses([](auto& s) { s.garments[0].parts[0].probability = 1.5; });
+  refuses([](auto& s) { s.garments[0].parts[0].approach_world.setZero(); });
 }
 
 TEST(GarmentMap, APointsCovarianceIsThatOfItsMeasurement) {
@@ -251,17 +279,19 @@ TEST(GarmentMap, APointsCovarianceIsThatOfItsMeasurement) {
   const auto camera = test::kinect();
   const Eigen::Vector3d point(0.4, -0.2, 1.3);
   const Eigen::Vector2d pixel = camera.project(point);
-  Eigen::Matrix3d sum = Eigen::Matrix3d::Zero();
-  constexpr int kDraws = 20000;
-  for (int i = 0; i < kDraws; ++i) {
-    const double du = 2.0 * test::gauss(random), dv = 2.0 * test::gauss(random);
-    const double dz = 0.01 * test::gauss(random);
-    const Eigen::Vector3d e =
-        camera.unproject(pixel.x() + du, pixel.y() + dv, point.z() + dz) - point;
-    sum += e * e.transpose() / kDraws;
+  for (const Eigen::Vector2d& slope_m_px : {Eigen::Vector2d(0, 0), Eigen::Vector2d(0.004, -0.01)}) {
+    Eigen::Matrix3d sum = Eigen::Matrix3d::Zero();
+    constexpr int kDraws = 20000;
+    for (int i = 0; i < kDraws; ++i) {
+      const double du = 2.0 * test::gauss(random), dv = 2.0 * test::gauss(random);
+      const double dz = 0.01 * test::gauss(random) + slope_m_px.dot(Eigen::Vector2d(du, dv));
+      const Eigen::Vector3d e =
+          camera.unproject(pixel.x() + du, pixel.y() + dv, point.z() + dz) - point;
+      sum += e * e.transpose() / kDraws;
+    }
+    const Eigen::Matrix3d expected = point_covariance(camera, point, 2.0, 0.01, slope_m_px);
+    EXPECT_LT((sum - expected).norm(), 0.03 * expected.norm());
   }
-  const Eigen::Matrix3d expected = point_covariance(camera, point, 2.0, 0.01);
-  EXPECT_LT((sum - expected).norm(), 0.03 * expected.norm());
 }
 
 }  // namespace

@@ -15,9 +15,11 @@
 #include "procs/map/stage.hpp"
 #include "procs/planes/stage.hpp"
 #include "procs/track/stage.hpp"
+#include "slam/map_file.hpp"
 #include "stage/in_process.hpp"
 #include "support/files.hpp"
 #include "support/textured_room.hpp"
+#include "weft/camera_in_base_t.hpp"
 
 namespace weft {
 namespace {
@@ -160,8 +162,9 @@ struct ByHand {
   static std::shared_ptr<Message> share(const Message& message) {
     return std::make_shared<Message>(message);
   }
-  void play(std::size_t index) {
+  void play(std::size_t index, std::int64_t session = 3) {
     const auto rgbd = share(decode<rgbd_frame_t>(frames()[index]));
+    rgbd->header.session = session;
     const header_t header = rgbd->header;
     const auto run = [&](stage::Stage& stage, const std::vector<std::shared_ptr<void>>& given,
                          std::vector<std::shared_ptr<void>> filled) {
@@ -277,6 +280,75 @@ TEST(MapStages, ASavedMapIsGoneOnIn) {
   EXPECT_THROW(map_process::make_stage(settings("vocabulary: ''\nload: " + file)), Error);
 }
 
+/// Maps with this many key frames, in the file and the earlier ones beside it; -1: no file.
+std::vector<int> key_frames_in(const std::string& file) {
+  std::vector<int> out;
+  for (const char* age : {"", ".1", ".2", ".3", ".4"})
+    out.push_back(std::filesystem::exists(file + age)
+                      ? static_cast<int>(slam::read_map(file + age).map.key_frames.size())
+                      : -1);
+  return out;
+}
+
+TEST(MapStages, AnotherSessionsMapDoesNotReplaceASavedOne) {
+  const test::TemporaryFolder folder;
+  const std::string file = folder / "room.map";
+  const auto mapper = [&] {
+    return map_process::make_stage(settings("vocabulary: ''\nsave_every: 1\nsave: " + file));
+  };
+  {
+    ByHand run;
+    run.mapper = mapper();
+    for (std::size_t i = 0; i < 8; ++i) run.play(i);
+    const int first = run.map_update.key_frame_count;
+    EXPECT_GT(first, 1);
+    EXPECT_EQ(key_frames_in(file), (std::vector{first, -1, -1, -1, -1}));
+    run.tracker = ByHand::make_tracker();
+    run.last_update = nullptr;
+    run.play(0, 4);  // the camera was started again: another map, of one key frame
+    EXPECT_EQ(key_frames_in(file), (std::vector{1, first, -1, -1, -1}));
+    run.play(1, 4);
+    EXPECT_EQ(key_frames_in(file)[1], first);
+  }
+  for (int starts = 0; starts < 4; ++starts) {  // so does a process that was started again
+    ByHand run;
+    run.mapper = mapper();
+    run.play(0);
+  }
+  EXPECT_EQ(key_frames_in(file), (std::vector{1, 1, 1, 1, -1}));
+}
+
+TEST(MapStages, ALoadedMapIsGoneOnInByLaterSessionsToo) {
+  const test::TemporaryFolder folder;
+  const std::string file = folder / "room.map";
+  {
+    Play first("", "save: " + file + "\n");
+    first.play(0, 4);
+  }
+  const int loaded = key_frames_in(file)[0];
+  ByHand run;
+  const auto tracker = [] {
+    return track_process::make_stage(settings("vocabulary: ''\nwait_for_mapper: true"));
+  };
+  run.tracker = tracker();
+  run.mapper = map_process::make_stage(
+      settings("vocabulary: ''\nsave_every: 1\nload: " + file + "\nsave: " + file));
+  for (std::size_t i = 3; i < 9; ++i) run.play(i);
+  const int grown = run.map_update.key_frame_count;
+  ASSERT_GT(grown, loaded);
+  EXPECT_EQ(key_frames_in(file), (std::vector{grown, -1, -1, -1, -1}));
+  // The camera is started again: what was mapped meanwhile is there still.
+  run.tracker = tracker();
+  run.last_update = nullptr;
+  for (std::size_t i = 7; i < 14; ++i) run.play(i, 4);
+  EXPECT_EQ(int{run.pose.state}, int{camera_pose_t::TRACKED}) << run.pose.reason;
+  EXPECT_GE(run.map_update.key_frame_count, grown);
+  EXPECT_LT(error_m(run.pose), 0.02);
+  const auto there = key_frames_in(file);
+  EXPECT_GE(there[0], grown);
+  EXPECT_EQ(there[1], -1);
+}
+
 /// A garment that fills a window of the picture, with a part at its middle.
 struct Seen {
   foreground_t foreground{};
@@ -373,6 +445,76 @@ TEST(MapStages, ALostDetectionCostsNoKeyFrame) {
   ASSERT_EQ(run.poses.size(), 6u);
   EXPECT_EQ(int{run.updates[0].status.code}, int{status_t::OK});
   EXPECT_GT(run.updates[0].key_frame_count, 0);
+}
+
+TEST(MapStages, AMalformedDetectionFailsTheObjectsAndNotTheMap) {
+  Play run("", "garments: true\ndetection_delay: 2\ngarment_map: {key_frames_to_appear: 1}");
+  std::vector<map_objects_t> said;
+  run.set.observe([&](const std::string& channel, const Bytes& bytes) {
+    if (channel == "MAP_OBJECTS") said.push_back(decode<map_objects_t>(bytes));
+    if (channel == "MAP_UPDATE") run.updates.push_back(decode<map_update_t>(bytes));
+  });
+  for (std::size_t i = 0; i < frames().size(); ++i) {
+    Seen seen = see_garment(frames()[i]);
+    if (i == 0) seen.detections.detections[0].probability = 7.0;
+    run.set.inject("FOREGROUND", encode(seen.foreground));
+    run.set.inject("PART_DETECTIONS", encode(seen.detections));
+    run.set.inject("GRASPS", encode(seen.grasps));
+    run.set.inject("RGBD_FRAME", frames()[i]);
+    run.set.run();
+  }
+  ASSERT_EQ(said.size(), frames().size());
+  EXPECT_EQ(int{said[2].status.code}, int{status_t::FAILED});
+  EXPECT_NE(said[2].status.text.find("PART_DETECTIONS"), std::string::npos) << said[2].status.text;
+  EXPECT_EQ(said[2].object_count, 0);
+  for (const auto& update : run.updates)
+    EXPECT_NE(int{update.status.code}, int{status_t::FAILED}) << update.header.seq;
+  // The next key frame's are taken in.
+  EXPECT_EQ(int{said.back().status.code}, int{status_t::OK}) << said.back().status.text;
+  EXPECT_EQ(said.back().object_count, 1);
+}
+
+TEST(MapStages, AnArmsCameraTellsWhereTheBaseIs) {
+  EXPECT_THROW(map_process::make_stage(settings("vocabulary: ''\nT_base_camera: [0, 0, 1, 0, 0, "
+                                                "0, 1]\ncamera_in_base_delay: 1")),
+               Error);
+  Play run("", "garments: true\ndetection_delay: 2\ncamera_in_base_delay: 1");
+  std::vector<map_objects_t> said;
+  run.set.observe([&](const std::string& channel, const Bytes& bytes) {
+    if (channel == "MAP_OBJECTS") said.push_back(decode<map_objects_t>(bytes));
+    if (channel == "CAMERA_POSE") run.poses.push_back(decode<camera_pose_t>(bytes));
+  });
+  // The base stands still in the room, so the camera's motion must not be seen in its pose.
+  const slam::Rigid3d T_base_room{Eigen::Quaterniond(0.8, 0.0, 0.6, 0.0), {0.5, -1.0, 2.0}};
+  for (std::size_t i = 0; i < 10; ++i) {
+    camera_in_base_t arm{};
+    arm.header = decode<rgbd_frame_t>(frames()[i]).header;
+    if (i == 6) arm.status.code = status_t::FAILED;  // the arm did not know
+    arm.T_base_camera =
+        messages::to_message(T_base_room * test::TexturedRoom::path(0.1 * static_cast<double>(i)));
+    if (i == 8) arm.T_base_camera.rotation[0] = 7.0;  // impossible
+    run.set.inject("CAMERA_IN_BASE", encode(arm));
+    const Seen seen = see_garment(frames()[i]);
+    run.set.inject("FOREGROUND", encode(seen.foreground));
+    run.set.inject("PART_DETECTIONS", encode(seen.detections));
+    run.set.inject("GRASPS", encode(seen.grasps));
+    run.set.inject("RGBD_FRAME", frames()[i]);
+    run.set.run();
+  }
+  ASSERT_EQ(said.size(), 10u);
+  EXPECT_EQ(int{said[0].has_base}, 0);
+  EXPECT_EQ(int{said[7].has_base}, 0);
+  EXPECT_EQ(int{said[9].status.code}, int{status_t::FAILED});
+  EXPECT_NE(said[9].status.text.find("CAMERA_IN_BASE"), std::string::npos) << said[9].status.text;
+  // The world is the first camera's frame.
+  const slam::Rigid3d T_base_world = T_base_room * test::TexturedRoom::path(0.0);
+  for (const int i : {4, 5, 6, 8}) {
+    const auto& each = said[static_cast<std::size_t>(i)];
+    ASSERT_EQ(int{each.has_base}, 1) << i;
+    const auto T = messages::from_message(each.T_base_world, "test");
+    EXPECT_LT((T.translation - T_base_world.translation).norm(), 0.02) << i;
+    EXPECT_LT(T.rotation.angularDistance(T_base_world.rotation), 0.01) << i;
+  }
 }
 
 }  // namespace
