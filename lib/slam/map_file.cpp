@@ -11,7 +11,7 @@ namespace weft::slam {
 namespace {
 
 constexpr const char* kKind = "map";
-constexpr std::uint32_t kVersion = 1;
+constexpr std::uint32_t kVersion = 2;                  // 2: with garments
 constexpr std::int64_t kMost = std::int64_t{1} << 60;  // of ids, versions, frames and times
 
 void add(std::vector<double>& out, const Eigen::MatrixXd& values) {
@@ -365,6 +365,94 @@ void read_planes(const BlobReader& file, const NextIds& next, MapUpdate& out) {
   seen_at.done();
 }
 
+void write_garments(BlobWriter& file, const SavedGarments& saved) {
+  std::vector<std::int64_t> ids;  // its own, the plane's, the anchor's
+  std::vector<std::int32_t> counters, parts, name_length, part_counters;
+  std::vector<double> numbers, part_numbers;
+  std::string names;
+  for (const auto& g : saved.garments) {
+    ids.insert(ids.end(), {g.id, g.supporting_plane, g.anchor});
+    counters.insert(counters.end(), {g.in_map ? 1 : 0, g.sightings, g.consecutive, g.missed});
+    add(numbers, g.position_world);
+    add(numbers, g.covariance);
+    numbers.push_back(g.extent_m);
+    add(numbers, g.position_anchor);
+    parts.push_back(static_cast<std::int32_t>(g.parts.size()));
+    for (const auto& p : g.parts) {
+      names += p.part;
+      name_length.push_back(static_cast<std::int32_t>(p.part.size()));
+      part_counters.insert(part_counters.end(), {p.sightings, p.has_grasp ? 1 : 0});
+      add(part_numbers, p.position_world);
+      add(part_numbers, p.covariance);
+      part_numbers.insert(part_numbers.end(), {p.probability, p.grasp_score});
+      add(part_numbers, p.approach_world);
+      add(part_numbers, p.position_anchor);
+    }
+  }
+  file.add_number("garment.next_id", saved.next_id);
+  file.add("garment.ids", ids);
+  file.add("garment.counters", counters);
+  file.add("garment.numbers", numbers);
+  file.add("garment.parts", parts);
+  file.add("part.names", names);
+  file.add("part.name_length", name_length);
+  file.add("part.counters", part_counters);
+  file.add("part.numbers", part_numbers);
+}
+
+SavedGarments read_garments(const BlobReader& file) {
+  SavedGarments out;
+  out.next_id = file.integer("garment.next_id", 0, kMost);
+  Source<std::int32_t> parts(file, "garment.parts"), name_length(file, "part.name_length"),
+      counters(file, "garment.counters", 4 * parts.size()),
+      part_counters(file, "part.counters", 2 * name_length.size());
+  Source<std::int64_t> ids(file, "garment.ids", 3 * parts.size());
+  Source<double> numbers(file, "garment.numbers", 16 * parts.size()),
+      part_numbers(file, "part.numbers", 20 * name_length.size());
+  const std::string names = file.text("part.names");
+  std::size_t at = 0;
+  constexpr std::int32_t kMany = 1 << 30;
+  while (parts.left() > 0) {
+    Garment g;
+    g.id = ids.next(0, kMost);
+    g.supporting_plane = ids.next(kNoId, kMost);
+    g.anchor = ids.next(kNoId, kMost);
+    g.in_map = counters.next(0, 1) != 0;
+    g.sightings = counters.next(0, kMany);
+    g.consecutive = counters.next(0, kMany);
+    g.missed = counters.next(0, kMany);
+    g.position_world = matrix<3, 1>(numbers);
+    g.covariance = matrix<3, 3>(numbers);
+    g.extent_m = numbers.next();
+    g.position_anchor = matrix<3, 1>(numbers);
+    for (std::size_t left = parts.count(name_length, 1); left > 0; --left) {
+      GarmentPart p;
+      const auto length = static_cast<std::size_t>(name_length.next(0, kMany));
+      if (length > names.size() - at) file.fail("the names of section part.names are too short");
+      p.part = names.substr(at, length);
+      at += length;
+      p.sightings = part_counters.next(0, kMany);
+      p.has_grasp = part_counters.next(0, 1) != 0;
+      p.position_world = matrix<3, 1>(part_numbers);
+      p.covariance = matrix<3, 3>(part_numbers);
+      p.probability = part_numbers.next();
+      p.grasp_score = part_numbers.next();
+      p.approach_world = matrix<3, 1>(part_numbers);
+      p.position_anchor = matrix<3, 1>(part_numbers);
+      g.parts.push_back(std::move(p));
+    }
+    out.garments.push_back(std::move(g));
+  }
+  name_length.done();
+  if (at != names.size()) file.fail("section part.names is too long");
+  try {
+    check_garments(out);
+  } catch (const Error& error) {
+    file.fail(error.what());
+  }
+  return out;
+}
+
 BlobWriter blob_of(const SavedMap& saved) {
   BlobWriter file(kKind, kVersion);
   file.add_number("version", saved.map.version);
@@ -375,6 +463,7 @@ BlobWriter blob_of(const SavedMap& saved) {
   write_key_frames(file, saved.map);
   write_points(file, saved.map);
   write_planes(file, saved.map);
+  write_garments(file, saved.garments);
   return file;
 }
 
@@ -399,6 +488,7 @@ SavedMap map_of(const BlobReader& file) {
   }
   for (const Id id : out.young_points)
     if (id < 0 || id >= out.next.point) file.fail("a young point's id cannot be");
+  out.garments = read_garments(file);
   return out;
 }
 

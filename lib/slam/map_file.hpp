@@ -5,17 +5,19 @@
 #include <string>
 #include <vector>
 
+#include "slam/garment_map.hpp"
 #include "slam/map_editor.hpp"
 
 namespace weft::slam {
 
-/// What a mapper needs to go on with a map.
+/// What a mapper needs to go on with a map, and the garments in it.
 struct SavedMap {
   Map map;
   NextIds next;
   std::vector<Id> young_points;  // not yet proven, see PointMapper
   std::int64_t frame = -1;       // the last in the map; -1: none, or of a session that has ended
   std::int64_t utime = 0;        // us, of that frame
+  SavedGarments garments;        // a mapper knows none: its owner's
 };
 
 /// A map as a file (base/blob.hpp): versioned, with a checksum. The same bytes for the same map.

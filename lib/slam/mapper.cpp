@@ -65,7 +65,7 @@ class Mapper::Impl {
       for (const auto& [id, key_frame] : editor_.map().key_frames) loops_->add(key_frame);
   }
   SavedMap saved() const {
-    return {editor_.map(), editor_.next_ids(), points_.young(), frame_, utime_};
+    return {editor_.map(), editor_.next_ids(), points_.young(), frame_, utime_, {}};
   }
 
   MapUpdate add(const NewKeyFrame& in) {

@@ -656,6 +656,9 @@ void Runner::finish(std::unique_ptr<Job> job, std::int64_t now_us, std::int64_t 
       note(describe(job->name_) + ": " + port->channel + ": " + problem);
       const auto failed = make_outputs(job->header_, code, reason, problem);
       publications = {{channel, port->type.encode(failed[i].second.get())}};
+    } else if (code == status_t::FAILED) {
+      note(describe(job->name_) + ": " + port->channel + ": " +
+           port->type.status(message.get()).text);
     }
     codes.push_back(code);
     std::move(publications.begin(), publications.end(), std::back_inserter(answer.messages));

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cstdio>
 #include <deque>
+#include <filesystem>
+#include <map>
 #include <optional>
 
 #include "base/hash.hpp"
@@ -18,9 +20,12 @@
 #include "slam/map_file.hpp"
 #include "slam/map_history.hpp"
 #include "slam/mapper.hpp"
+#include "weft/camera_in_base_t.hpp"
 
 namespace weft::map_process {
 namespace {
+
+constexpr int kMapsKept = 3;  // earlier ones, beside the file that is saved
 
 struct MapOptions {
   std::string vocabulary = "../models/places-orb/vocabulary.blob";
@@ -30,6 +35,7 @@ struct MapOptions {
   bool garments = false;
   int detection_delay = 10;
   std::vector<double> T_base_camera;
+  int camera_in_base_delay = 0;
   SightingOptions sighting;
   slam::GarmentMapOptions garment_map;
   slam::MapperOptions mapper;
@@ -38,11 +44,14 @@ struct MapOptions {
     v.field("vocabulary", vocabulary,
             "finds loops; relative to this file; empty: no loop is closed");
     v.field("load", load,
-            "map file to go on in, relative to this file; empty: begin a new map. Give weft-track "
+            "map file to go on in, relative to this file, and in further sessions of the camera in "
+            "what has become of it; empty: each session begins a new map. Give weft-track "
             "wait_for_mapper");
     v.field("save", save,
             "write the map to this file, relative to this file, at the end of a session and when "
-            "the process stops; may be the one that is loaded; empty: do not");
+            "the process stops; may be the one that is loaded. A map that does not go on in what "
+            "the file holds moves that to FILE.1, the one before to FILE.2, up to 3; empty: do not "
+            "save");
     v.field("save_every", save_every, {0, 1'000'000}, "key frames",
             "and each time so many have come, for a process that is killed; 0: only at the end");
     v.field("garments", garments,
@@ -54,6 +63,9 @@ struct MapOptions {
             "pose of the camera in the robot's base, which MAP_OBJECTS then tells positions in as "
             "well: none, 7 numbers (x y z in m, quaternion x y z w) or the 16 of a 4x4 matrix row "
             "by row");
+    v.field("camera_in_base_delay", camera_in_base_delay, {0, stage::kMaxFramesBack}, "frames",
+            "for a camera on an arm: its pose in the base is what CAMERA_IN_BASE said of the frame "
+            "so many before, at least 1; 0: it is T_base_camera");
     v.group("sighting", sighting);
     v.group("garment_map", garment_map);
     v.group("mapper", mapper);
@@ -63,6 +75,12 @@ struct MapOptions {
     mapper.validate();
     garment_map.validate();
     sighting.validate();
+    if (camera_in_base_delay > 0 && !T_base_camera.empty()) {
+      throw Error(
+          "MapOptions: T_base_camera and camera_in_base_delay are both set; a camera either is "
+          "fixed "
+          "to the base or on an arm: leave one out");
+    }
   }
   std::optional<slam::Rigid3d> base_from_camera() const {
     detector::GraspOptions grasp;  // the one place that reads such a pose
@@ -76,13 +94,15 @@ struct MapOptions {
 
 class MapStage : public stage::Stage {
  public:
-  /// save: path, or empty.
+  /// save: path, or empty; saved_there: it is the file that was loaded.
   MapStage(const MapOptions& options, std::shared_ptr<const slam::BinaryVocabulary> vocabulary,
-           std::optional<slam::SavedMap> loaded, std::string save)
+           std::optional<slam::SavedMap> loaded, std::string save, bool saved_there)
       : options_(options),
         vocabulary_(std::move(vocabulary)),
         loaded_(std::move(loaded)),
+        goes_on_(loaded_.has_value()),
         save_(std::move(save)),
+        saved_there_(saved_there),
         T_base_camera_(options.base_from_camera()) {
     interface_.name = "map";
     interface_.inputs = {stage::port<keyframe_t>("KEYFRAME")};
@@ -94,6 +114,9 @@ class MapStage : public stage::Stage {
       interface_.inputs.push_back(stage::feedback_port<foreground_t>("FOREGROUND", k));
       interface_.inputs.push_back(stage::feedback_port<part_detections_t>("PART_DETECTIONS", k));
       interface_.inputs.push_back(stage::feedback_port<grasps_t>("GRASPS", k));
+      if (options_.camera_in_base_delay > 0)
+        interface_.inputs.push_back(stage::feedback_port<camera_in_base_t>(
+            "CAMERA_IN_BASE", options_.camera_in_base_delay));
       interface_.outputs.push_back(stage::port<map_objects_t>("MAP_OBJECTS"));
     }
     auto hashed = options_;
@@ -149,21 +172,31 @@ class MapStage : public stage::Stage {
 
  private:
   void begin(const header_t& header) {
+    if (mapper_ && goes_on_) {
+      loaded_ = mapper_->saved();
+      loaded_->garments = garments_->saved();
+    } else if (mapper_) {
+      saved_there_ = false;
+    }
     camera_ = header.camera;
     session_ = header.session;
-    if (loaded_)
-      mapper_.emplace(options_.mapper, vocabulary_, *loaded_);
-    else
+    if (loaded_) {
+      loaded_->frame = -1;  // frames of the session count from 0 again
+      garments_.emplace(options_.garment_map, std::move(loaded_->garments));
+      mapper_.emplace(options_.mapper, vocabulary_, *std::exchange(loaded_, std::nullopt));
+    } else {
+      garments_.emplace(options_.garment_map);
       mapper_.emplace(options_.mapper, vocabulary_);
+    }
     history_.begin(mapper_->map().version);
-    garments_.emplace(options_.garment_map);
     awaited_.clear();
+    poses_.clear();
     starter_ = -1;
     unsaved_ = 0;
     Hash64 hash;
     hash.add(camera_);
     for (const std::int64_t each : {session_, header.seq}) hash.add(std::to_string(each));
-    if (loaded_) hash.add(to_hex(loaded_hash_));
+    if (goes_on_) hash.add(to_hex(loaded_hash_));
     map_id_ = static_cast<std::int64_t>(hash.value() >> 1) | 1;  // never 0
   }
 
@@ -201,29 +234,57 @@ class MapStage : public stage::Stage {
       awaited_.push_back(
           {header.seq, mapper_->report().key_frame, inputs.get<rgbd_frame_t>("RGBD_FRAME")});
     garments_->follow(map);
-    const auto* foreground = inputs.feedback<foreground_t>("FOREGROUND");
-    const auto* detections = inputs.feedback<part_detections_t>("PART_DETECTIONS");
-    const auto* grasps = inputs.feedback<grasps_t>("GRASPS");
-    if (foreground && detections && grasps && foreground->header.seq == grasps->header.seq &&
-        detections->header.seq == grasps->header.seq)
-      take_in(*foreground, *detections, *grasps);
+    auto& message = outputs.at<map_objects_t>("MAP_OBJECTS");
+    message.header.coordinate_frame = "world";
+    messages::MapObjectsContent out{map_id_, map.version, std::nullopt, {}};
+    try {
+      take_in(inputs);
+      out.T_base_world = base_from_world(inputs);
+    } catch (const Error& e) {  // the map itself is none the worse for it
+      message.status.code = status_t::FAILED;
+      message.status.reason = static_cast<std::int16_t>(stage::Reason::kInvalidInput);
+      message.status.text = e.what();
+    }
     // What has not come by now never will.
     std::erase_if(awaited_, [&](const Awaited& each) {
       return each.seq <= header.seq - stage::kMaxFramesBack;
     });
-
-    auto& message = outputs.at<map_objects_t>("MAP_OBJECTS");
-    message.header.coordinate_frame = "world";
-    messages::MapObjectsContent out{map_id_, map.version, std::nullopt, garments_->garments()};
-    const auto pose = messages::from_message(inputs.get<camera_pose_t>("CAMERA_POSE"));
-    if (T_base_camera_ && pose.tracked.state == slam::TrackingState::kTracked)
-      out.T_base_world = *T_base_camera_ * pose.tracked.T_camera_world;
+    if (message.status.code == status_t::FAILED) return;
+    out.garments = garments_->garments();
     messages::to_message(out, message);
     if (out.garments.empty()) {
       message.status.code = status_t::NOTHING;
       message.status.reason = static_cast<std::int16_t>(stage::Reason::kNothingFound);
       message.status.text = "no garment has been seen";
     }
+  }
+
+  /// nullopt: not known for this frame.
+  std::optional<slam::Rigid3d> base_from_world(const stage::Inputs& inputs) {
+    const auto pose = messages::from_message(inputs.get<camera_pose_t>("CAMERA_POSE"));
+    const bool tracked = pose.tracked.state == slam::TrackingState::kTracked;
+    if (options_.camera_in_base_delay == 0) {
+      if (!T_base_camera_ || !tracked) return std::nullopt;
+      return *T_base_camera_ * pose.tracked.T_camera_world;
+    }
+    const std::int64_t seq = inputs.header().seq;
+    poses_.erase(poses_.begin(), poses_.lower_bound(seq - stage::kMaxFramesBack));
+    if (tracked && pose.map_id == map_id_) poses_[seq] = pose.tracked.T_camera_world;
+    const auto* said = inputs.feedback<camera_in_base_t>("CAMERA_IN_BASE");
+    if (!said || said->status.code != status_t::OK) return std::nullopt;
+    const auto T_camera_world = poses_.find(said->header.seq);
+    if (T_camera_world == poses_.end()) return std::nullopt;
+    return messages::from_message(said->T_base_camera, "CAMERA_IN_BASE: T_base_camera") *
+           T_camera_world->second;
+  }
+
+  void take_in(const stage::Inputs& inputs) {
+    const auto* foreground = inputs.feedback<foreground_t>("FOREGROUND");
+    const auto* detections = inputs.feedback<part_detections_t>("PART_DETECTIONS");
+    const auto* grasps = inputs.feedback<grasps_t>("GRASPS");
+    if (foreground && detections && grasps && foreground->header.seq == grasps->header.seq &&
+        detections->header.seq == grasps->header.seq)
+      take_in(*foreground, *detections, *grasps);
   }
 
   void take_in(const foreground_t& foreground, const part_detections_t& detections,
@@ -252,14 +313,37 @@ class MapStage : public stage::Stage {
   void save() {
     if (save_.empty() || unsaved_ == 0) return;
     unsaved_ = 0;
-    slam::write_map(save_, mapper_->saved());
+    auto saved = mapper_->saved();
+    saved.garments = garments_->saved();
+    slam::format_map(saved);  // refuses what is too large before anything is moved
+    if (!saved_there_) keep_earlier();
+    saved_there_ = true;
+    slam::write_map(save_, saved);
+  }
+
+  /// Moves what the file holds out of the way.
+  void keep_earlier() const {
+    namespace fs = std::filesystem;
+    if (!fs::exists(save_)) return;
+    const auto name = [&](int age) { return age == 0 ? save_ : save_ + "." + std::to_string(age); };
+    try {
+      for (int age = kMapsKept - 1; age >= 0; --age)
+        if (fs::exists(name(age))) fs::rename(name(age), name(age + 1));
+    } catch (const fs::filesystem_error& e) {
+      throw Error(save_ + ": the map it holds cannot be kept as " + name(1) + ": " +
+                  e.code().message());
+    }
+    std::fprintf(stderr, "weft-map: %s held another map; that is %s now\n", save_.c_str(),
+                 name(1).c_str());
   }
 
   MapOptions options_;
   std::shared_ptr<const slam::BinaryVocabulary> vocabulary_;
-  std::optional<slam::SavedMap> loaded_;
+  std::optional<slam::SavedMap> loaded_;  // that the next session goes on in
+  bool goes_on_;                          // a new session, in the map that is there
   std::uint64_t loaded_hash_ = 0;
   std::string save_;
+  bool saved_there_;  // the file holds what the present map came from
   std::optional<slam::Rigid3d> T_base_camera_;
   stage::Interface interface_;
   std::string camera_;
@@ -267,6 +351,7 @@ class MapStage : public stage::Stage {
   std::optional<slam::Mapper> mapper_;
   std::optional<slam::GarmentMap> garments_;
   std::deque<Awaited> awaited_;
+  std::map<std::int64_t, slam::Rigid3d> poses_;  // T_camera_world by frame, of the last ones
   slam::MapHistory history_;
   std::int64_t map_id_ = 0;
   int unsaved_ = 0;            // key frames since the map was saved
@@ -283,12 +368,12 @@ std::unique_ptr<stage::Stage> make_stage(const Settings& settings) {
     vocabulary = std::make_shared<slam::BinaryVocabulary>(
         slam::BinaryVocabulary::read(settings.path(options.vocabulary)));
   std::optional<slam::SavedMap> loaded;
-  if (!options.load.empty()) {
-    loaded = slam::read_map(settings.path(options.load));
-    loaded->frame = -1;  // frames of the session to come count from 0 again
-  }
-  return std::make_unique<MapStage>(options, std::move(vocabulary), std::move(loaded),
-                                    options.save.empty() ? "" : settings.path(options.save));
+  if (!options.load.empty()) loaded = slam::read_map(settings.path(options.load));
+  const auto save = options.save.empty() ? "" : settings.path(options.save);
+  const bool saved_there = loaded && !save.empty() && std::filesystem::exists(save) &&
+                           std::filesystem::equivalent(save, settings.path(options.load));
+  return std::make_unique<MapStage>(options, std::move(vocabulary), std::move(loaded), save,
+                                    saved_there);
 }
 
 std::string settings_reference() { return options_to_yaml(MapOptions{}); }

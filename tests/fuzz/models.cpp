@@ -100,7 +100,15 @@ slam::SavedMap saved_map() {
     for (int i = 0; i < 3; ++i) editor.observe_point(i, k, i);
   }
   editor.take_update(10);
-  return {editor.map(), editor.next_ids(), {2}, 10, 333};
+  slam::SavedMap saved{editor.map(), editor.next_ids(), {2}, 10, 333, {}};
+  slam::Garment garment;
+  garment.id = 1;
+  garment.anchor = 1;
+  slam::GarmentPart part;
+  part.part = "collar";
+  garment.parts = {part, part};
+  saved.garments = {{garment}, 2};
+  return saved;
 }
 
 WEFT_FUZZ_TARGET(Map) {

@@ -67,6 +67,67 @@ TEST(MapFile, ANewSessionCountsItsFramesFromTheStart) {
   EXPECT_EQ(update.new_key_frames[0].id, 4);  // ids go on
 }
 
+SavedGarments two_garments() {
+  SavedGarments out;
+  out.next_id = 9;
+  for (const Id id : {2, 8}) {
+    Garment garment;
+    garment.id = id;
+    garment.in_map = id == 8;
+    garment.position_world = {0.1, -0.2, 1.0 + 0.1 * static_cast<double>(id)};
+    garment.covariance = Eigen::Vector3d(1e-4, 2e-4, 3e-4).asDiagonal();
+    garment.extent_m = 0.4;
+    garment.supporting_plane = id == 8 ? 1 : kNoId;
+    garment.sightings = 7;
+    garment.consecutive = 3;
+    garment.missed = 1;
+    garment.anchor = 2;
+    garment.position_anchor = {0.0, 0.3, 0.9};
+    for (const char* name : {"polo collar", "", "left sleeve"}) {
+      if (id == 2) break;
+      GarmentPart part;
+      part.part = name;
+      part.position_world = {0.3, 0.2, 0.1};
+      part.covariance = 1e-4 * Eigen::Matrix3d::Identity();
+      part.covariance(0, 1) = part.covariance(1, 0) = 2e-5;
+      part.probability = 0.3;
+      part.sightings = 4;
+      part.has_grasp = true;
+      part.grasp_score = 0.25;
+      part.approach_world = {0.6, 0.0, -0.8};
+      part.position_anchor = {1, 2, 3};
+      garment.parts.push_back(part);
+    }
+    out.garments.push_back(garment);
+  }
+  return out;
+}
+
+TEST(MapFile, HoldsTheGarments) {
+  SavedMap saved = a_map();
+  saved.garments = two_garments();
+  const auto bytes = format_map(saved);
+  const SavedMap read = parse_map(bytes, "x");
+  EXPECT_EQ(format_map(read), bytes);
+  ASSERT_EQ(read.garments.garments.size(), 2u);
+  EXPECT_EQ(read.garments.next_id, 9);
+  const Garment &a = read.garments.garments[1], &b = saved.garments.garments[1];
+  EXPECT_TRUE(a.in_map);
+  EXPECT_EQ(a.position_world, b.position_world);
+  EXPECT_EQ(a.covariance, b.covariance);
+  EXPECT_EQ(a.position_anchor, b.position_anchor);
+  EXPECT_EQ(a.supporting_plane, 1);
+  EXPECT_EQ(a.anchor, 2);
+  EXPECT_EQ(a.missed, 1);
+  ASSERT_EQ(a.parts.size(), 3u);
+  EXPECT_EQ(a.parts[1].part, "");
+  EXPECT_EQ(a.parts[2].part, "left sleeve");
+  EXPECT_EQ(a.parts[2].covariance, b.parts[2].covariance);
+  EXPECT_EQ(a.parts[2].approach_world, b.parts[2].approach_world);
+  EXPECT_EQ(a.parts[2].grasp_score, 0.25);
+  EXPECT_EQ(read.garments.garments[0].parts.size(), 0u);
+}
+
 TEST(MapFile, AnEmptyMapIsAMap) {
   const auto bytes = format_map({});
   const SavedMap read = parse_map(bytes, "empty");
@@ -94,6 +155,14 @@ TEST(MapFile, RefusesWhatDoesNotAgree) {
           [](SavedMap& m) { m.map.points.begin()->second.observations[0].index = 100000; });
   refuses("a key frame that is not there",
           [](SavedMap& m) { m.map.points.begin()->second.observations[0].key_frame = 88; });
+  refuses("a garment's id beyond the next", [](SavedMap& m) {
+    m.garments = two_garments();
+    m.garments.next_id = 8;
+  });
+  refuses("a part's place that is none", [](SavedMap& m) {
+    m.garments = two_garments();
+    m.garments.garments[1].parts[0].covariance.setZero();
+  });
   refuses("one feature, two points", [](SavedMap& m) {
     auto second = std::next(m.map.points.begin());
     second->second.observations = m.map.points.begin()->second.observations;

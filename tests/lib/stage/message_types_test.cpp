@@ -7,6 +7,7 @@
 
 #include "base/hash.hpp"
 #include "fake_stage.hpp"
+#include "weft/camera_in_base_t.hpp"
 #include "weft/camera_pose_t.hpp"
 #include "weft/clock_pong_t.hpp"
 #include "weft/image_prior_t.hpp"
@@ -41,6 +42,7 @@ std::int64_t now() {
 /// the old type under a new name and write a converter, then enter the new fingerprint here.
 const std::map<std::string, Known>& known_types() {
   static const std::map<std::string, Known> types{
+      {"camera_in_base_t", {now<camera_in_base_t>(), 0x8abec4b64dc2ba67u}},
       {"camera_model_t", {now<camera_model_t>(), 0x0d804340371ff466u}},
       {"camera_pose_t", {now<camera_pose_t>(), 0xee3b475679bc18abu}},
       {"cylinder_segment_t", {now<cylinder_segment_t>(), 0xebb0a4ba6c8fe445u}},
