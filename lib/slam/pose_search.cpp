@@ -90,7 +90,7 @@ std::vector<Id> PoseSearch::recognise_planes(const FrameInput& input, const Rigi
 
 Rigid3d PoseSearch::keep_what_stands_still(const FrameInput& input, PoseEstimate& estimate) const {
   constexpr std::size_t kProven = 3;
-  constexpr double kMaxMiss_sigmas = 4.0;
+  constexpr double kMaxMiss_sigmas = 6.0;  // of a feature's noise; a young point's own adds to it
   Evidence proven;
   for (std::size_t i = 0; i < estimate.points.size(); ++i) {
     const auto found = map_.map().points.find(estimate.points[i]);
