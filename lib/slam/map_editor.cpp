@@ -177,10 +177,10 @@ void MapEditor::replace_point(Id id, Id by) {
   if (id == by) throw Error("map: point " + std::to_string(id) + " cannot replace itself");
   remove_point(id);
   const auto& observations = map_.points.at(by).observations;
-  for (const auto& [key_frame, feature] : old.observations) {
+  for (const Observation& moved : old.observations) {
     const bool seen = std::any_of(observations.begin(), observations.end(),
-                                  [&](const auto& o) { return o.key_frame == key_frame; });
-    if (!seen) observe_point(by, key_frame, feature);
+                                  [&](const auto& o) { return o.key_frame == moved.key_frame; });
+    if (!seen) observe_point(by, moved.key_frame, moved.index);
   }
   count(by, old.visible, old.found);
   changed_points_.insert(by);

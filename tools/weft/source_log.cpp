@@ -47,9 +47,10 @@ SourceLog::SourceLog(const std::string& file, const std::vector<std::string>& ch
 
 void SourceLog::note_session(const FrameName& frame, std::int64_t utime) {
   const auto& [camera, session_number, seq] = frame;
-  auto session = std::find_if(sessions_.begin(), sessions_.end(), [&](const Session& each) {
-    return each.camera == camera && each.session == session_number;
-  });
+  auto session = sessions_.begin();
+  while (session != sessions_.end() &&
+         (session->camera != camera || session->session != session_number))
+    ++session;
   if (session == sessions_.end()) {
     session = sessions_.insert(session, {camera, session_number, seq, seq, utime, utime, 0});
   }
