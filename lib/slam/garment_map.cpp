@@ -1,6 +1,7 @@
 #include "slam/garment_map.hpp"
 
 #include <Eigen/Cholesky>
+#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <set>
@@ -106,14 +107,23 @@ GarmentMap::GarmentMap(const GarmentMapOptions& options, SavedGarments saved)
   check_garments(saved);
   garments_ = std::move(saved.garments);
   next_id_ = saved.next_id;
+  // It may have been saved with a smaller one.
+  const Eigen::Matrix3d bias =
+      options_.part_bias_m * options_.part_bias_m * Eigen::Matrix3d::Identity();
+  for (auto& garment : garments_)
+    for (auto& part : garment.parts)
+      if ((part.covariance - bias).llt().info() != Eigen::Success) part.covariance += bias;
 }
 
-void GarmentMap::add(const Map& map, Id key_frame_id, std::span<const GarmentSighting> sightings) {
-  const auto found = map.key_frames.find(key_frame_id);
+void GarmentMap::add(const Map& map, const GarmentView& view,
+                     std::span<const GarmentSighting> sightings) {
+  const auto found = map.key_frames.find(view.key_frame);
   if (found == map.key_frames.end())
-    throw Error("garments: there is no key frame " + std::to_string(key_frame_id) + " in the map");
+    throw Error("garments: there is no key frame " + std::to_string(view.key_frame) +
+                " in the map");
   const KeyFrame& key_frame = found->second;
-  const Rigid3d T_world_camera = key_frame.T_camera_world.inverse();
+  const Rigid3d T_camera_world = view.T_camera_key_frame * key_frame.T_camera_world;
+  const Rigid3d T_world_camera = T_camera_world.inverse();
   const Eigen::Matrix3d R = T_world_camera.rotation.toRotationMatrix();
   std::vector<SeenInWorld> seen;
   for (std::size_t i = 0; i < sightings.size(); ++i) {
@@ -181,20 +191,20 @@ void GarmentMap::add(const Map& map, Id key_frame_id, std::span<const GarmentSig
     ++garment.sightings;
     ++garment.consecutive;
     garment.missed = 0;
-    garment.in_map = garment.in_map || garment.consecutive >= options_.key_frames_to_appear;
+    garment.in_map = garment.in_map || garment.consecutive >= options_.views_to_appear;
     garment.supporting_plane = supporting_plane(map, garment.position_world);
-    garment.anchor = key_frame_id;
+    garment.anchor = view.key_frame;
     garment.position_anchor = key_frame.T_camera_world * garment.position_world;
     for (auto& part : garment.parts)
       part.position_anchor = key_frame.T_camera_world * part.position_world;
   }
   for (std::size_t g = 0; g < garments_.size(); ++g) {
-    if (was_seen[g] || !should_be_seen(garments_[g], key_frame)) continue;
+    if (was_seen[g] || !should_be_seen(garments_[g], key_frame.camera, T_camera_world)) continue;
     garments_[g].consecutive = 0;
     ++garments_[g].missed;
   }
   std::erase_if(garments_, [&](const Garment& garment) {
-    return garment.missed >= (garment.in_map ? options_.key_frames_to_disappear : 1);
+    return garment.missed >= (garment.in_map ? options_.views_to_disappear : 1);
   });
 }
 
@@ -205,6 +215,9 @@ void GarmentMap::merge(Garment& garment, const SeenInWorld& seen) const {
 }
 
 void GarmentMap::merge_parts(Garment& garment, const SeenInWorld& seen) const {
+  // Two views have it in common, so their difference has none of it.
+  const Eigen::Matrix3d bias =
+      options_.part_bias_m * options_.part_bias_m * Eigen::Matrix3d::Identity();
   Eigen::MatrixXd costs =
       Eigen::MatrixXd::Constant(static_cast<Eigen::Index>(seen.parts.size()),
                                 static_cast<Eigen::Index>(garment.parts.size()), kInfinity);
@@ -213,7 +226,7 @@ void GarmentMap::merge_parts(Garment& garment, const SeenInWorld& seen) const {
       if (seen.parts[s].part != garment.parts[p].part) continue;
       const double cost =
           chi_squared(seen.parts[s].position_world - garment.parts[p].position_world,
-                      seen.parts[s].covariance + garment.parts[p].covariance);
+                      seen.parts[s].covariance + garment.parts[p].covariance - bias);
       if (cost <= options_.max_chi_squared)
         costs(static_cast<Eigen::Index>(s), static_cast<Eigen::Index>(p)) = cost;
     }
@@ -225,6 +238,7 @@ void GarmentMap::merge_parts(Garment& garment, const SeenInWorld& seen) const {
     const GarmentPart& now = seen.parts[s];
     if (part_of[s] < 0) {
       garment.parts.push_back(now);
+      garment.parts.back().covariance += bias;
       garment.parts.back().probability *= 1.0 - options_.memory;
       garment.parts.back().sightings = 1;
       was_seen.push_back(1);
@@ -232,8 +246,9 @@ void GarmentMap::merge_parts(Garment& garment, const SeenInWorld& seen) const {
     }
     GarmentPart& part = garment.parts[static_cast<std::size_t>(part_of[s])];
     was_seen[static_cast<std::size_t>(part_of[s])] = 1;
+    part.covariance -= bias;
     fuse(part.position_world, part.covariance, now.position_world, now.covariance);
-    part.covariance = with_floor(part.covariance, options_.part_sigma_m);
+    part.covariance = with_floor(part.covariance, options_.part_sigma_m) + bias;
     part.probability += (1.0 - options_.memory) * now.probability;
     ++part.sightings;
     if (now.has_grasp) {
@@ -269,30 +284,34 @@ void GarmentMap::follow(const Map& map) {
   }
 }
 
-bool GarmentMap::should_be_seen(const Garment& garment, const KeyFrame& key_frame) const {
-  const Eigen::Vector3d x = key_frame.T_camera_world * garment.position_world;
+bool GarmentMap::should_be_seen(const Garment& garment, const rgbd::CameraModel& camera,
+                                const Rigid3d& T_camera_world) const {
+  const Eigen::Vector3d x = T_camera_world * garment.position_world;
   if (!(x.z() > 0.0 && x.norm() <= options_.max_range_m)) return false;
-  const Eigen::Vector2d pixel = key_frame.camera.project(x);
+  const Eigen::Vector2d pixel = camera.project(x);
   return pixel.x() >= options_.margin_px && pixel.y() >= options_.margin_px &&
-         pixel.x() <= key_frame.camera.width - 1 - options_.margin_px &&
-         pixel.y() <= key_frame.camera.height - 1 - options_.margin_px;
+         pixel.x() <= camera.width - 1 - options_.margin_px &&
+         pixel.y() <= camera.height - 1 - options_.margin_px;
 }
 
 Id GarmentMap::supporting_plane(const Map& map, const Eigen::Vector3d& position_world) const {
   Id best = kNoId;
-  double least = options_.max_height_m;
+  // A confirmed plane rather than one that is not yet; of these the largest, or a folded garment
+  // would lie on its own upper side.
+  std::pair<bool, std::size_t> most{false, 0};
   for (const auto& [id, plane] : map.planes) {
-    if (!plane.confirmed) continue;
+    const std::pair<bool, std::size_t> size{plane.confirmed, plane.cloud_world.size()};
     const double height = plane.normal_world.dot(position_world) - plane.distance_m;
     // A little below: the middle of what lies flat is as uncertain as the plane.
-    if (height < -0.03 || std::abs(height) > least) continue;
+    if (size <= most || height < -0.03 || height > options_.max_height_m) continue;
     const Eigen::Vector3d foot = position_world - height * plane.normal_world;
-    for (const auto& point : plane.cloud_world) {
-      if ((point.cast<double>() - foot).norm() > options_.plane_reach_m) continue;
-      best = id;
-      least = std::abs(height);
-      break;
-    }
+    const bool reaches =
+        std::any_of(plane.cloud_world.begin(), plane.cloud_world.end(), [&](const auto& point) {
+          return (point.template cast<double>() - foot).norm() <= options_.plane_reach_m;
+        });
+    if (!reaches) continue;
+    best = id;
+    most = size;
   }
   return best;
 }

@@ -10,7 +10,8 @@
 
 /// Garments in the map: what single pictures say of them and their parts, carried into the world
 /// and merged over key frames. After garment-slam.txt 3.5.1: assignment of least total cost, not
-/// nearest-first, and five consecutive key frames to appear.
+/// nearest-first, and five consecutive views to appear. The paper's views are key frames; a camera
+/// that stays over a table makes none, so further frames may be looked at in between.
 namespace weft::slam {
 
 /// A garment part, or a place to take hold of one, as seen from a camera.
@@ -43,10 +44,11 @@ Eigen::Matrix3d point_covariance(const rgbd::CameraModel& camera,
 struct GarmentMapOptions {
   double centre_sigma_m = 0.05;
   double part_sigma_m = 0.02;
+  double part_bias_m = 0.025;
   double max_chi_squared = 16.27;
   bool needs_part = true;
-  int key_frames_to_appear = 5;
-  int key_frames_to_disappear = 5;
+  int views_to_appear = 5;
+  int views_to_disappear = 5;
   double memory = 0.8;
   double min_probability = 0.05;
   double max_range_m = 3.0;
@@ -59,17 +61,20 @@ struct GarmentMapOptions {
             "by which the middle of what is visible of a garment differs from view to view");
     v.field("part_sigma_m", part_sigma_m, {1e-4, 10.0}, "m",
             "likewise for a part: its detector's grid and its size");
+    v.field("part_bias_m", part_bias_m, {0.0, 10.0}, "m",
+            "by which all views of a part err alike, so that more of them do not help: the middle "
+            "of a detection is not that of the part");
     v.field("max_chi_squared", max_chi_squared, {0.1, 1e6}, "",
             "up to which a sighting may be of a known garment or part; 16.27: 99.9 % of three "
             "degrees of freedom");
     v.field("needs_part", needs_part,
             "a garment is new only where a part of it was detected: what foreground alone shows "
             "may be furniture");
-    v.field("key_frames_to_appear", key_frames_to_appear, {1, 1000}, "",
-            "consecutive key frames that see a garment before it is in the map "
+    v.field("views_to_appear", views_to_appear, {1, 1000}, "",
+            "consecutive views that see a garment before it is in the map "
             "(garment-slam.txt 3.5.1: 5)");
-    v.field("key_frames_to_disappear", key_frames_to_disappear, {1, 1000}, "",
-            "consecutive key frames that should see a garment, and do not, before it is gone");
+    v.field("views_to_disappear", views_to_disappear, {1, 1000}, "",
+            "consecutive views that should see a garment, and do not, before it is gone");
     v.field("memory", memory, {0.0, 0.99}, "",
             "what a part's probability keeps of its former value with each view of its garment");
     v.field("min_probability", min_probability, {0.0, 1.0}, "",
@@ -106,10 +111,16 @@ struct Garment {
   Id supporting_plane = kNoId;  // of the map
   std::vector<GarmentPart> parts;
   int sightings = 0;
-  int consecutive = 0;  // key frames in a row that saw it
+  int consecutive = 0;  // views in a row that saw it
   int missed = 0;       // that should have and did not
   Id anchor = kNoId;    // key frame that saw it last: it follows when the map moves that
   Eigen::Vector3d position_anchor = Eigen::Vector3d::Zero();  // in the anchor's camera
+};
+
+/// Where one looks from: a key frame of the map, or a pose beside one, whose camera it has.
+struct GarmentView {
+  Id key_frame = kNoId;
+  Rigid3d T_camera_key_frame = {};
 };
 
 struct SavedGarments {
@@ -126,9 +137,9 @@ class GarmentMap {
   /// Goes on with saved garments. Throws Error as check_garments.
   GarmentMap(const GarmentMapOptions& options, SavedGarments saved);
 
-  /// What a key frame of the map saw; empty: it looked and saw none. Throws Error, and changes
-  /// nothing, when the key frame is not in the map or a value cannot be.
-  void add(const Map& map, Id key_frame, std::span<const GarmentSighting> sightings);
+  /// What was seen from somewhere; empty: one looked and saw none. Throws Error, and changes
+  /// nothing, when the view's key frame is not in the map or a value cannot be.
+  void add(const Map& map, const GarmentView& view, std::span<const GarmentSighting> sightings);
   /// Moves all with their key frames, after the map has changed.
   void follow(const Map& map);
 
@@ -140,7 +151,8 @@ class GarmentMap {
   struct SeenInWorld;
   void merge(Garment& garment, const SeenInWorld& seen) const;
   void merge_parts(Garment& garment, const SeenInWorld& seen) const;
-  bool should_be_seen(const Garment& garment, const KeyFrame& key_frame) const;
+  bool should_be_seen(const Garment& garment, const rgbd::CameraModel& camera,
+                      const Rigid3d& T_camera_world) const;
   Id supporting_plane(const Map& map, const Eigen::Vector3d& position_world) const;
 
   GarmentMapOptions options_;

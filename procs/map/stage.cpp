@@ -34,6 +34,7 @@ struct MapOptions {
   int save_every = 20;
   bool garments = false;
   int detection_delay = 10;
+  int look_every = 10;
   std::vector<double> T_base_camera;
   int camera_in_base_delay = 0;
   SightingOptions sighting;
@@ -59,6 +60,9 @@ struct MapOptions {
     v.field("detection_delay", detection_delay, {1, stage::kMaxFramesBack}, "frames",
             "what was detected so many frames before is taken in, so that the map need not wait "
             "for the detector");
+    v.field("look_every", look_every, {0, 1'000'000}, "frames",
+            "garments are looked for in key frames, and in the first tracked frame after so many "
+            "without: a camera that stays over a table makes no key frames; 0: in key frames only");
     v.field("T_base_camera", T_base_camera, {0, 16}, "",
             "pose of the camera in the robot's base, which MAP_OBJECTS then tells positions in as "
             "well: none, 7 numbers (x y z in m, quaternion x y z w) or the 16 of a 4x4 matrix row "
@@ -191,6 +195,7 @@ class MapStage : public stage::Stage {
     history_.begin(mapper_->map().version);
     awaited_.clear();
     poses_.clear();
+    last_look_ = header.seq;
     starter_ = -1;
     unsaved_ = 0;
     Hash64 hash;
@@ -219,10 +224,10 @@ class MapStage : public stage::Stage {
     return "";
   }
 
-  /// A key frame that what was detected in it is awaited for.
+  /// A frame that what was detected in it is awaited for.
   struct Awaited {
     std::int64_t seq;
-    slam::Id key_frame;
+    slam::GarmentView view;
     rgbd_frame_t images;
   };
 
@@ -230,16 +235,24 @@ class MapStage : public stage::Stage {
                      const stage::Inputs& inputs, stage::Outputs& outputs) {
     const header_t& header = inputs.header();
     const slam::Map& map = mapper_->map();
+    const auto pose = messages::from_message(inputs.get<camera_pose_t>("CAMERA_POSE"));
+    const auto look = [&](const slam::GarmentView& view) {
+      awaited_.push_back({header.seq, view, inputs.get<rgbd_frame_t>("RGBD_FRAME")});
+      last_look_ = header.seq;
+    };
     if (content.key_frame && added)
-      awaited_.push_back(
-          {header.seq, mapper_->report().key_frame, inputs.get<rgbd_frame_t>("RGBD_FRAME")});
+      look({mapper_->report().key_frame, {}});
+    else if (options_.look_every > 0 && header.seq - last_look_ >= options_.look_every &&
+             pose.tracked.state == slam::TrackingState::kTracked && pose.map_id == map_id_ &&
+             map.key_frames.contains(pose.tracked.reference))
+      look({pose.tracked.reference, pose.tracked.T_camera_reference});
     garments_->follow(map);
     auto& message = outputs.at<map_objects_t>("MAP_OBJECTS");
     message.header.coordinate_frame = "world";
     messages::MapObjectsContent out{map_id_, map.version, std::nullopt, {}};
     try {
       take_in(inputs);
-      out.T_base_world = base_from_world(inputs);
+      out.T_base_world = base_from_world(inputs, pose);
     } catch (const Error& e) {  // the map itself is none the worse for it
       message.status.code = status_t::FAILED;
       message.status.reason = static_cast<std::int16_t>(stage::Reason::kInvalidInput);
@@ -260,8 +273,8 @@ class MapStage : public stage::Stage {
   }
 
   /// nullopt: not known for this frame.
-  std::optional<slam::Rigid3d> base_from_world(const stage::Inputs& inputs) {
-    const auto pose = messages::from_message(inputs.get<camera_pose_t>("CAMERA_POSE"));
+  std::optional<slam::Rigid3d> base_from_world(const stage::Inputs& inputs,
+                                               const messages::PoseContent& pose) {
     const bool tracked = pose.tracked.state == slam::TrackingState::kTracked;
     if (options_.camera_in_base_delay == 0) {
       if (!T_base_camera_ || !tracked) return std::nullopt;
@@ -295,7 +308,7 @@ class MapStage : public stage::Stage {
     if (found == awaited_.end()) return;
     const Awaited awaited = std::move(*found);
     awaited_.erase(found);
-    if (!mapper_->map().key_frames.contains(awaited.key_frame)) return;  // culled since
+    if (!mapper_->map().key_frames.contains(awaited.view.key_frame)) return;  // culled since
     const auto frame =
         messages::from_message(awaited.images, {.colour = false, .depth = true, .mask = false});
     if (frame.depth.empty()) throw stage::InvalidInput("RGBD_FRAME: the frame has no depth");
@@ -307,7 +320,7 @@ class MapStage : public stage::Stage {
       seen = sight_garments(frame, mask, messages::from_message(detections).detections,
                             messages::from_message(grasps), options_.sighting);
     }
-    garments_->add(mapper_->map(), awaited.key_frame, seen);
+    garments_->add(mapper_->map(), awaited.view, seen);
   }
 
   void save() {
@@ -351,6 +364,7 @@ class MapStage : public stage::Stage {
   std::optional<slam::Mapper> mapper_;
   std::optional<slam::GarmentMap> garments_;
   std::deque<Awaited> awaited_;
+  std::int64_t last_look_ = 0;                   // frame that garments were looked for in
   std::map<std::int64_t, slam::Rigid3d> poses_;  // T_camera_world by frame, of the last ones
   slam::MapHistory history_;
   std::int64_t map_id_ = 0;

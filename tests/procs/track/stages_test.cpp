@@ -392,7 +392,7 @@ Seen see_garment(const Bytes& frame_bytes) {
 TEST(MapStages, GarmentsAreKeptInTheMap) {
   Play run("",
            "garments: true\ndetection_delay: 2\nT_base_camera: [0, 0, 1, 0, 0, 0, 1]\n"
-           "garment_map: {key_frames_to_appear: 1}");
+           "garment_map: {views_to_appear: 1}");
   std::vector<map_objects_t> said;
   run.set.observe([&](const std::string& channel, const Bytes& bytes) {
     if (channel == "MAP_OBJECTS") said.push_back(decode<map_objects_t>(bytes));
@@ -431,6 +431,34 @@ TEST(MapStages, GarmentsAreKeptInTheMap) {
       1e-9);
 }
 
+TEST(MapStages, ACameraThatStandsStillFindsGarmentsToo) {
+  for (const int look_every : {2, 0}) {
+    Play run("", "garments: true\ndetection_delay: 1\nlook_every: " + std::to_string(look_every));
+    std::vector<map_objects_t> said;
+    run.set.observe([&](const std::string& channel, const Bytes& bytes) {
+      if (channel == "MAP_OBJECTS") said.push_back(decode<map_objects_t>(bytes));
+      if (channel == "KEYFRAME") run.key_frames.push_back(decode<keyframe_t>(bytes));
+    });
+    for (int i = 0; i < 14; ++i) {
+      auto frame = decode<rgbd_frame_t>(frames()[0]);
+      frame.header.seq = i;
+      frame.header.utime = 1'000'000 + 33'333 * i;
+      const Bytes bytes = encode(frame);
+      const Seen seen = see_garment(bytes);
+      run.set.inject("FOREGROUND", encode(seen.foreground));
+      run.set.inject("PART_DETECTIONS", encode(seen.detections));
+      run.set.inject("GRASPS", encode(seen.grasps));
+      run.set.inject("RGBD_FRAME", bytes);
+      run.set.run();
+    }
+    int key_frames = 0;
+    for (const auto& each : run.key_frames) key_frames += each.is_key_frame;
+    EXPECT_LT(key_frames, 5);
+    ASSERT_EQ(said.back().object_count, 1);
+    EXPECT_EQ(int{said.back().objects[0].in_map}, look_every > 0 ? 1 : 0);
+  }
+}
+
 TEST(MapStages, ALostDetectionCostsNoKeyFrame) {
   Play run("", "garments: true\ndetection_delay: 2");
   for (std::size_t i = 0; i < 6; ++i) {
@@ -448,7 +476,7 @@ TEST(MapStages, ALostDetectionCostsNoKeyFrame) {
 }
 
 TEST(MapStages, AMalformedDetectionFailsTheObjectsAndNotTheMap) {
-  Play run("", "garments: true\ndetection_delay: 2\ngarment_map: {key_frames_to_appear: 1}");
+  Play run("", "garments: true\ndetection_delay: 2\ngarment_map: {views_to_appear: 1}");
   std::vector<map_objects_t> said;
   run.set.observe([&](const std::string& channel, const Bytes& bytes) {
     if (channel == "MAP_OBJECTS") said.push_back(decode<map_objects_t>(bytes));
