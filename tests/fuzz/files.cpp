@@ -8,6 +8,7 @@
 
 #include "base/blob.hpp"
 #include "base/settings.hpp"
+#include "dataset/garment_truth.hpp"
 #include "dataset/iri.hpp"
 #include "dataset/readers.hpp"
 #include "dataset/scene.hpp"
@@ -185,6 +186,14 @@ WEFT_FUZZ_TARGET(Trajectory) {
       "1305031098.7 -1.3e-2 0.6 1.6 0 0 0 1\n";
   return {{bytes_of(text)},
           [](const Bytes& bytes) { dataset::parse_trajectory(text_of(bytes), "x"); }};
+}
+
+WEFT_FUZZ_TARGET(GarmentTruth) {
+  const std::string text =
+      R"({"garments": [{"garment": "polo", "position_m": [1, 2, -3.5], "parts": [{"part": "polo )"
+      R"(collar", "instance": "", "position_m": [0, 0.5, 1], "seen_share": 0.4}]}]})";
+  return {{bytes_of(text)},
+          [](const Bytes& bytes) { dataset::parse_garment_truth(text_of(bytes), "x"); }};
 }
 
 WEFT_FUZZ_TARGET(PartsFile) {

@@ -12,6 +12,7 @@
 #include "base/settings.hpp"
 #include "base/text_file.hpp"
 #include "dataset/augment.hpp"
+#include "evaluate/garments.hpp"
 #include "evaluate/judge.hpp"
 #include "evaluate/planes.hpp"
 #include "evaluate/trajectory.hpp"
@@ -143,6 +144,10 @@ int run_evaluate(int argc, char** argv) {
   auto* planes_app =
       app.add_subcommand("planes", "extracted planes against depth images with labelled ones");
   add_options(*planes_app, planes);
+  GarmentsCommand garments;
+  auto* garments_app =
+      app.add_subcommand("garments", "garments and parts in the map against where they truly are");
+  add_options(*garments_app, garments);
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
@@ -150,6 +155,7 @@ int run_evaluate(int argc, char** argv) {
   }
   try {
     if (trajectory_app->parsed()) return evaluate_trajectory_command(trajectory);
+    if (garments_app->parsed()) return evaluate_garments_command(garments);
     if (planes_app->parsed()) return evaluate_planes_command(planes);
     return evaluate_parts(command);
   } catch (const std::exception& error) {

@@ -9,6 +9,7 @@
 #include "synth/commands.hpp"
 #include "synth/recipe_command.hpp"
 #include "synth/run_control.hpp"
+#include "synth/sequences_maker.hpp"
 #include "synth/states_maker.hpp"
 
 namespace weft::synth {

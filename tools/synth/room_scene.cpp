@@ -103,7 +103,8 @@ RoomImages RoomScene::render(const RoomView& view) const {
       const RayHit hit = scene_.intersect(origin, d);
       Vec3 sum = Vec3::Zero();
       for (int k = 0; k < n * n; ++k) {
-        const Vec3 sample = ray(x - 0.5 + (k % n + 0.5) / n, y - 0.5 + (k / n + 0.5) / n);
+        const int row = k / n;
+        const Vec3 sample = ray(x - 0.5 + (k % n + 0.5) / n, y - 0.5 + (row + 0.5) / n);
         sum += shade(n == 1 ? hit : scene_.intersect(origin, sample), sample);
       }
       sum /= static_cast<float>(n * n);
@@ -130,6 +131,36 @@ RoomImages RoomScene::render(const RoomView& view) const {
         ideal.shadow.at<std::uint8_t>(y, x) = 255;
     }
   }
+  return out;
+}
+
+std::vector<RoomScene::PartSeen> RoomScene::parts_seen_from(const Vec3& eye,
+                                                            std::size_t garment) const {
+  const Surface& s = surfaces_[garment];
+  const Garment& g = *content_.garments[garment];
+  std::vector<PartSeen> out(g.simulation.parts.size());
+  for (std::size_t f = 0; f < s.faces.size(); ++f) {
+    const auto [a, b, c] = s.faces[f];
+    const PanelMap& map = g.maps[s.panel_of_face[f]];
+    const int bits = map.parts.at<int>(
+        map.texel((s.pattern[at(a)] + s.pattern[at(b)] + s.pattern[at(c)]) / 3.0f));
+    if (bits == 0) continue;
+    const Vec3 p = (s.position[at(a)] + s.position[at(b)] + s.position[at(c)]) / 3.0f;
+    const float area =
+        0.5f *
+        (s.position[at(b)] - s.position[at(a)]).cross(s.position[at(c)] - s.position[at(a)]).norm();
+    const Vec3 way = eye - p;
+    const bool seen = !scene_.occluded(p + way * (0.0005f / way.norm()), way, 0.0f, 1.0f);
+    for (std::size_t i = 0; i < out.size(); ++i) {
+      if ((bits >> i & 1) == 0) continue;
+      out[i].area_m2 += static_cast<double>(area);
+      if (!seen) continue;
+      out[i].seen_m2 += static_cast<double>(area);
+      out[i].centre += area * p;
+    }
+  }
+  for (auto& part : out)
+    if (part.seen_m2 > 0.0) part.centre /= static_cast<float>(part.seen_m2);
   return out;
 }
 

@@ -34,6 +34,13 @@ class RoomScene {
   explicit RoomScene(RoomContent content);
 
   RoomImages render(const RoomView& view) const;
+
+  /// What an eye that looks everywhere sees of a garment's part instances, in their order.
+  struct PartSeen {
+    double area_m2 = 0.0, seen_m2 = 0.0;
+    Vec3 centre = Vec3::Zero();  // of what is seen; world
+  };
+  std::vector<PartSeen> parts_seen_from(const Vec3& eye, std::size_t garment) const;
   const RoomContent& content() const { return content_; }
 
  private:

@@ -29,6 +29,8 @@ struct StatesRecipe {
 };
 
 struct SequencesRecipe {
+  enum class View { kRound, kAbove };
+  View view = View::kRound;
   int seed = 1;
   int simulations = 44;
   int attempts = 10;
@@ -37,6 +39,9 @@ struct SequencesRecipe {
   int samples = 2;
 
   void visit(OptionVisitor& v) {
+    v.choice("view", view, {{"round", View::kRound}, {"above", View::kAbove}},
+             "round: a robot drives round a desk with T-shirts; above: an arm carries the camera "
+             "over one garment, near enough to find its parts");
     v.field("seed", seed, {0, 1 << 30}, "", "of everything that is drawn");
     v.field("simulations", simulations, {1, 10000}, "", "T-shirts to choose from");
     v.field("attempts", attempts, {1, 10}, "", "poses tried before a T-shirt is given up");

@@ -6,6 +6,7 @@
 #include <functional>
 
 #include "support/folder_contents.hpp"
+#include "synth/sequences_maker.hpp"
 #include "synth/states_maker.hpp"
 #include "tools/synth/procedural.hpp"
 

@@ -7,9 +7,12 @@
 #include <opencv2/imgcodecs.hpp>
 #include <sstream>
 
+#include "dataset/garment_truth.hpp"
+#include "dataset/sequence.hpp"
 #include "support/files.hpp"
 #include "support/folder_contents.hpp"
 #include "synth/arrange.hpp"
+#include "synth/sequences_maker.hpp"
 #include "synth/states_maker.hpp"
 #include "tools/synth/procedural.hpp"
 #include "tools/synth/rle.hpp"
@@ -273,6 +276,76 @@ TEST(Sequences, DepthOfOneFrameIsWhereAnotherSeesIt) {
   double mean = 0.0;
   for (const double e : error_px_disparity) mean += e / static_cast<double>(count);
   EXPECT_LT(mean, 0.7 * by_identity / pairs);
+}
+
+TEST(Sequences, AboveTellsWhereTheGarmentAndItsPartsAre) {
+  const test::TemporaryFolder in, out;
+  write_simulation(in / "a.wsim", test::procedural_sack("a"));
+  Simulation other = test::procedural_sack("b");
+  other.turned_over = true;  // its parts cannot be seen: never drawn
+  write_simulation(in / "b.wsim", other);
+  SequencesRecipe recipe;
+  recipe.view = SequencesRecipe::View::kAbove;
+  recipe.scenes = 1;
+  recipe.seconds = 0.1;  // three frames
+  recipe.samples = 1;
+  const auto make = [&] {
+    return make_sequences(*simulations_of_folder(in.string()), out / "set", recipe, "", 1, kQuiet,
+                          kNever);
+  };
+  make();
+  const fs::path folder = out / "set/sequence-000";
+  const auto truth = dataset::read_garment_truth((folder / "garments.json").string());
+  ASSERT_EQ(truth.size(), 1u);
+  EXPECT_EQ(truth[0].garment, "tshirt");
+  ASSERT_EQ(truth[0].parts.size(), 2u);
+  const auto frames = read_tum(folder);
+  ASSERT_EQ(frames.size(), 3u);
+  const auto sequence = dataset::open_sequence(folder.string());
+  ASSERT_EQ(sequence.frames.size(), 3u);
+  const auto frame = sequence.read(0);
+  const Eigen::Isometry3d T_camera_world = frames[0].T_world_camera.inverse();
+  const auto check = [&](const Eigen::Vector3d& position_world, const std::string& name) {
+    const Eigen::Vector3d point_camera = T_camera_world * position_world;
+    EXPECT_GT(point_camera.z(), 0.6) << name;
+    EXPECT_LT(point_camera.z(), 1.2) << name;
+    const Eigen::Vector2d pixel = frame.camera.project(point_camera);
+    const int u = cvRound(pixel.x()), v = cvRound(pixel.y());
+    ASSERT_TRUE(u >= 0 && v >= 0 && u < frame.depth.cols && v < frame.depth.rows) << name;
+    EXPECT_EQ(int{frames[0].labels.at<std::uint8_t>(v, u)}, 1) << name;
+    EXPECT_NEAR(frame.depth_m(u, v), point_camera.z(), 0.015) << name;
+  };
+  check(truth[0].position_world, "sack");
+  for (const auto& part : truth[0].parts) check(part.position_world, part.part);
+  // The patch's middle is 10 cm left of and 14 cm below the sack's, however that is turned.
+  EXPECT_NEAR((truth[0].parts[1].position_world - truth[0].position_world).norm(),
+              Eigen::Vector2d(0.1, 0.14).norm(), 0.006);
+  EXPECT_NEAR(truth[0].parts[1].seen_share, 1.0, 0.02);
+  EXPECT_NEAR(truth[0].parts[0].seen_share, 0.5, 0.02);  // of the collar the front
+
+  fs::remove(in / "a.wsim");
+  recipe.seed = 2;
+  const auto error = test::error_of([&] {
+    make_sequences(*simulations_of_folder(in.string()), out / "none", recipe, "", 1, kQuiet,
+                   kNever);
+  });
+  EXPECT_NE(error.find("no simulation with parts lies flat"), std::string::npos) << error;
+}
+
+TEST(ArmPath, IsSmoothAndLooksDownAtItsTarget) {
+  Random random(2);
+  for (int k = 0; k < 20; ++k) {
+    const Eigen::Vector3d target(0.1 * k, -0.2, 0.0);
+    const ArmPath path = draw_arm_path(random, target);
+    for (int frame = 0; frame < 600; ++frame) {
+      const CameraPose p = path.at(frame / 30.0), q = path.at((frame + 1) / 30.0);
+      EXPECT_LT((q.origin - p.origin).norm(), 0.03f);  // 0.9 m/s
+      EXPECT_GT(q.forward.dot(p.forward), 0.9990f);
+      EXPECT_LT(p.forward.z(), -0.85f);               // at most 32 degrees from straight down
+      const float t = -p.origin.z() / p.forward.z();  // gaze meets the desk's plane
+      EXPECT_LT((p.origin + t * p.forward - target.cast<float>()).norm(), 0.08f);
+    }
+  }
 }
 
 TEST(CameraPath, IsSmoothAndLooksAtTheDesk) {
