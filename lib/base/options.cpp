@@ -3,6 +3,7 @@
 #include <cmath>
 #include <cstdio>
 
+#include "base/check_fields.hpp"
 #include "base/error.hpp"
 #include "base/hash.hpp"
 
@@ -59,9 +60,11 @@ class PathVisitor : public OptionVisitor {
 
 }  // namespace
 
+using Where = std::function<std::string(const std::string&)>;
+
 class RangeChecker : public PathVisitor {
  public:
-  explicit RangeChecker(std::string_view where) : where_(where) {}
+  explicit RangeChecker(const Where& where) : where_(where) {}
   void field(const char* name, int& value, Range<int> range, const char* unit,
              const char*) override {
     check(name, value, range, unit);
@@ -100,10 +103,10 @@ class RangeChecker : public PathVisitor {
     }
   }
   [[noreturn]] void fail(const char* name, const std::string& value, const std::string& rule) {
-    throw Error(std::string(where_) + ": option " + full(name) + " is " + value + "; it must be " +
+    throw Error(where_(full(name)) + ": option " + full(name) + " is " + value + "; it must be " +
                 rule);
   }
-  std::string_view where_;
+  const Where& where_;
 };
 
 class Printer : public PathVisitor {
@@ -195,9 +198,13 @@ class Hasher : public PathVisitor {
   }
 };
 
-void check_fields(void (*visit)(void*, OptionVisitor&), void* options, std::string_view where) {
+void check_fields_at(void (*visit)(void*, OptionVisitor&), void* options, const Where& where) {
   RangeChecker checker(where);
   visit(options, checker);
+}
+
+void check_fields(void (*visit)(void*, OptionVisitor&), void* options, std::string_view where) {
+  check_fields_at(visit, options, [&](const std::string&) { return std::string(where); });
 }
 
 std::uint64_t hash_fields(void (*visit)(void*, OptionVisitor&), void* options) {

@@ -1,20 +1,17 @@
 #include "base/settings.hpp"
 
 #include <yaml-cpp/yaml.h>
-#include <filesystem>
 
+#include <filesystem>
 #include <fstream>
+#include <map>
 #include <set>
 #include <sstream>
 
+#include "base/check_fields.hpp"
 #include "base/error.hpp"
 
 namespace weft {
-
-struct Settings::Data {
-  YAML::Node node;
-  std::string name;
-};
 
 namespace {
 
@@ -22,6 +19,34 @@ std::string place(const std::string& name, const YAML::Node& node) {
   const int line = node.Mark().line;
   return line >= 0 ? name + ":" + std::to_string(line + 1) : name;
 }
+
+using Places = std::map<std::string, std::string>;
+
+}  // namespace
+
+struct Settings::Data {
+  YAML::Node node;
+  std::string name;
+  Places places;  // of the keys ("group.key") that set() wrote
+
+  /// What an error about a key begins with; at: its node.
+  std::string place_of(const std::string& path, const YAML::Node& at) const {
+    const auto written = places.find(path);
+    return written != places.end() ? written->second : place(name, at);
+  }
+  std::string place_of(const std::string& path) const {
+    YAML::Node at = node;
+    std::istringstream keys(path);
+    for (std::string key; std::getline(keys, key, '.');) {
+      const YAML::Node child = std::as_const(at)[key];
+      if (!child) return name;
+      at.reset(child);
+    }
+    return place_of(path, at);
+  }
+};
+
+namespace {
 
 std::string key_of(const YAML::Node& key, const std::string& name) {
   try {
@@ -44,13 +69,24 @@ YAML::Node parse(const std::string& text, const std::string& name) {
   return node;
 }
 
-void merge_into(YAML::Node base, const YAML::Node& over, const std::string& name) {
+void note(Places& places, const std::string& path, const YAML::Node& node,
+          const std::string& from) {
+  places[path] = from;
+  if (!node.IsMap()) return;
+  for (const auto& entry : node)
+    note(places, path + "." + key_of(entry.first, from), entry.second, from);
+}
+
+/// Replaces the values of base by those of over, key by key.
+void merge_into(YAML::Node base, const YAML::Node& over, const std::string& path,
+                const std::string& from, Places& places) {
   for (const auto& entry : over) {
-    const auto key = key_of(entry.first, name);
+    const auto key = key_of(entry.first, from);
     if (entry.second.IsMap() && base[key] && base[key].IsMap()) {
-      merge_into(base[key], entry.second, name);
+      merge_into(base[key], entry.second, path + key + ".", from, places);
     } else {
       base[key] = entry.second;
+      note(places, path + key, entry.second, from);
     }
   }
 }
@@ -58,7 +94,9 @@ void merge_into(YAML::Node base, const YAML::Node& over, const std::string& name
 // Walks the options and the YAML side by side.
 class Reader : public OptionVisitor {
  public:
-  Reader(const YAML::Node& root, const std::string& name) : name_(name) {
+  using PlaceOf = std::function<std::string(const std::string&, const YAML::Node&)>;
+  Reader(const YAML::Node& root, const std::string& name, PlaceOf place_of)
+      : name_(name), place_of_(std::move(place_of)) {
     levels_.push_back({root, {}, ""});
   }
 
@@ -90,7 +128,7 @@ class Reader : public OptionVisitor {
       if (level.known.contains(key)) continue;
       std::string known;
       for (const auto& each : level.known) known += (known.empty() ? "" : ", ") + each;
-      throw Error(place(name_, entry.first) + ": unknown key '" + level.path + key +
+      throw Error(place_of_(level.path + key, entry.first) + ": unknown key '" + level.path + key +
                   "'; expected one of: " + known);
     }
   }
@@ -150,12 +188,13 @@ class Reader : public OptionVisitor {
     std::string got = node.IsScalar() ? "'" + node.Scalar() + "'"
                       : node.IsMap()  ? "a map"
                                       : "a list";
-    throw Error(place(name_, node) + ": " + levels_.back().path + name + " is " + got +
-                "; expected " + expected);
+    const std::string path = levels_.back().path + name;
+    throw Error(place_of_(path, node) + ": " + path + " is " + got + "; expected " + expected);
   }
 
   std::vector<Level> levels_;
   std::string name_;
+  PlaceOf place_of_;
 };
 
 }  // namespace
@@ -167,6 +206,7 @@ Settings& Settings::operator=(Settings&&) noexcept = default;
 Settings::Settings(const Settings& other) : data_(std::make_unique<Data>()) {
   data_->node = YAML::Clone(other.data_->node);
   data_->name = other.data_->name;
+  data_->places = other.data_->places;
 }
 
 Settings Settings::from_text(const std::string& text, const std::string& name) {
@@ -187,11 +227,7 @@ Settings Settings::from_file(const std::string& path) {
   return from_text(text.str(), path);
 }
 
-void Settings::merge(const Settings& over) {
-  merge_into(data_->node, YAML::Clone(over.data_->node), over.data_->name);
-}
-
-void Settings::set(const std::string& assignment) {
+void Settings::set(const std::string& assignment, const std::string& from) {
   const auto equals = assignment.find('=');
   if (equals == std::string::npos || equals == 0) {
     throw Error("'" + assignment + "' does not set anything; write key=value or group.key=value");
@@ -204,7 +240,9 @@ void Settings::set(const std::string& assignment) {
     text += (text.empty() ? "" : "\n") + indent + key + ":";
     indent += "  ";
   }
-  merge(from_text(text + " " + assignment.substr(equals + 1), "command line (" + assignment + ")"));
+  const std::string where = from.empty() ? "--set " + assignment : from;
+  const YAML::Node over = parse(text + " " + assignment.substr(equals + 1), where);
+  merge_into(data_->node, over, "", where, data_->places);
 }
 
 const std::string& Settings::name() const { return data_->name; }
@@ -215,11 +253,14 @@ std::string Settings::path(const std::string& file) const {
 const YAML::Node& Settings::node() const { return data_->node; }
 
 void Settings::read_fields(void (*visit)(void*, OptionVisitor&), void* options) const {
-  Reader reader(data_->node, data_->name);
+  Reader reader(data_->node, data_->name, [this](const std::string& path, const YAML::Node& at) {
+    return data_->place_of(path, at);
+  });
   visit(options, reader);
   reader.finish_level();
   try {
-    internal::check_fields(visit, options, data_->name);
+    internal::check_fields_at(visit, options,
+                              [this](const std::string& path) { return data_->place_of(path); });
   } catch (const YAML::Exception& e) {
     throw Error(data_->name + ": " + e.what());
   }

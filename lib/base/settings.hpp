@@ -34,11 +34,9 @@ class Settings {
     options.validate();
   }
 
-  /// Replaces values by those of `over`, key by key.
-  void merge(const Settings& over);
-
-  /// Sets "group.key" to a YAML scalar or list, as on a command line: key=value.
-  void set(const std::string& assignment);
+  /// Sets "group.key" to a YAML scalar or list, as on a command line: key=value. from: where it was
+  /// written, for errors; default: "--set key=value".
+  void set(const std::string& assignment, const std::string& from = "");
 
   const std::string& name() const;
   /// A file that a setting names: relative to the folder of the settings file, if there is one.

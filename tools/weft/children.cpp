@@ -42,9 +42,9 @@ std::filesystem::path Children::log_file(const std::string& name) const {
   return folder_ / (name + ".log");
 }
 
-void Children::start(const std::string& name, const std::vector<std::string>& command) {
-  std::filesystem::remove(log_file(name));
-  running_[name] = {spawn(name, command), command, 0};
+void Children::start(const ProcessSpec& process, const std::vector<std::string>& command) {
+  std::filesystem::remove(log_file(process.name));
+  running_[process.name] = {spawn(process.name, command), command, process};
 }
 
 pid_t Children::spawn(const std::string& name, const std::vector<std::string>& command) const {
@@ -81,7 +81,8 @@ void Children::check() {
                                 ? "was ended by signal " + std::to_string(WTERMSIG(status))
                                 : "ended with status " + std::to_string(WEXITSTATUS(status));
     if (!WIFSIGNALED(status) || ++child.restarts > kMostRestarts)
-      throw Error("process " + name + " " + how + ":" + last_lines(log_file(name), 12) +
+      throw Error("process " + name + " " + how + ":" +
+                  with_places(child.process, last_lines(log_file(name), 12)) +
                   "\n  its whole output: " + log_file(name).string());
     child.pid = spawn(name, child.command);
   }

@@ -7,6 +7,8 @@
 #include <string>
 #include <vector>
 
+#include "tools/weft/process_set.hpp"
+
 namespace weft {
 
 /// Processes started here, ended with this object, and never outliving this program.
@@ -18,7 +20,7 @@ class Children {
   Children(const Children&) = delete;
   Children& operator=(const Children&) = delete;
 
-  void start(const std::string& name, const std::vector<std::string>& command);
+  void start(const ProcessSpec& process, const std::vector<std::string>& command);
   /// Starts again what a signal ended. Throws Error with the last lines of its output when a
   /// process ended by itself, or was ended more than 20 times.
   void check();
@@ -30,6 +32,7 @@ class Children {
   struct Child {
     pid_t pid = 0;
     std::vector<std::string> command;
+    ProcessSpec process;
     int restarts = 0;
   };
   pid_t spawn(const std::string& name, const std::vector<std::string>& command) const;

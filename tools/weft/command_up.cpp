@@ -175,8 +175,9 @@ int up(const UpOptions& options) {
       checked = Clock::now();
       for (const auto& process : folder.processes()) {
         if (process.starts >= kHopelessStarts && !heard.contains(process.name))
-          throw Error("process " + process.name +
-                      " ends right after it starts:" + last_lines(folder.log(process.name), 12));
+          throw Error(
+              "process " + process.name + " ends right after it starts:" +
+              with_places(set.find(process.name), last_lines(folder.log(process.name), 12)));
       }
     }
   } catch (...) {

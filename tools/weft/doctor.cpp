@@ -335,9 +335,10 @@ std::vector<Finding> check_set(const ProcessSet& set, const StageRegistry& regis
         command.emplace_back("--check");
         const auto result = run_command(command);
         if (result.status != 0) {
-          const auto at = result.output.find("error: ");
+          const auto output = with_places(process, result.output);
+          const auto at = output.find("error: ");
           const auto from = at == std::string::npos ? 0 : at + 7;
-          throw Error(result.output.substr(from, result.output.find('\n', from) - from));
+          throw Error(output.substr(from, output.find('\n', from) - from));
         }
         findings.push_back({Kind::kGood, process.name + ": program, settings and source", ""});
         continue;

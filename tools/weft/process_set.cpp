@@ -65,9 +65,12 @@ class StrictMap {
     if (!key.IsScalar()) fail(key, "a key of " + what_ + " must be a word");
     return key.Scalar();
   }
-  [[noreturn]] void fail(const YAML::Node& at, const std::string& text) const {
+  std::string place(const YAML::Node& at) const {
     const int line = at.Mark().line;
-    throw Error(file_ + (line >= 0 ? ":" + std::to_string(line + 1) : "") + ": " + text);
+    return file_ + (line >= 0 ? ":" + std::to_string(line + 1) : "");
+  }
+  [[noreturn]] void fail(const YAML::Node& at, const std::string& text) const {
+    throw Error(place(at) + ": " + text);
   }
 
  private:
@@ -104,23 +107,23 @@ void check_name(const StrictMap& map, const YAML::Node& at, const std::string& n
 
 // Nested settings as assignments that Settings::set takes: "group.key=value".
 void flatten(const StrictMap& map, const YAML::Node& node, const std::string& path,
-             std::vector<std::string>& out) {
+             ProcessSpec& process) {
   if (node.IsMap()) {
     for (const auto& entry : node) {
       const auto key = map.key_of(entry.first);
-      flatten(map, entry.second, path.empty() ? key : path + "." + key, out);
+      flatten(map, entry.second, path.empty() ? key : path + "." + key, process);
     }
     return;
   }
-  if (node.IsScalar()) {
-    out.push_back(path + "=" + node.Scalar());
-  } else if (node.IsSequence()) {
-    YAML::Emitter text;
+  if (!node.IsScalar() && !node.IsSequence()) map.fail(node, "with: " + path + " has no value");
+  // A text is quoted again where YAML would take it for something else.
+  YAML::Emitter text;
+  if (node.IsScalar())
+    text << node.Scalar();
+  else
     text << YAML::Flow << node;
-    out.push_back(path + "=" + text.c_str());
-  } else {
-    map.fail(node, "with: " + path + " has no value");
-  }
+  process.with.push_back(path + "=" + text.c_str());
+  process.with_places[process.with.back()] = map.place(node);
 }
 
 ProcessSpec read_process(const YAML::Node& node, const fs::path& file) {
@@ -142,7 +145,7 @@ ProcessSpec read_process(const YAML::Node& node, const fs::path& file) {
   }
   if (const YAML::Node with = map.find("with")) {
     if (!with.IsMap()) map.fail(with, "with must be a map of settings");
-    flatten(map, with, "", process.with);
+    flatten(map, with, "", process);
   }
   if (const YAML::Node channels = map.find("map")) {
     if (!channels.IsMap()) map.fail(channels, "map must be a map CHANNEL: OTHER");
@@ -254,6 +257,16 @@ ProcessSpec& ProcessSet::find(const std::string& process) {
     known += (known.empty() ? "" : ", ") + each.name;
   }
   throw Error("set " + name + " has no process '" + process + "'; it has: " + known);
+}
+
+std::string with_places(const ProcessSpec& process, std::string text) {
+  for (const auto& [assignment, place] : process.with_places) {
+    const auto said = "--set " + assignment + ":";
+    for (std::size_t at = 0; (at = text.find(said, at)) != std::string::npos;
+         at += place.size() + 1)
+      text.replace(at, said.size(), place + ":");
+  }
+  return text;
 }
 
 fs::path find_program(const ProcessSet& set, const ProcessSpec& process) {

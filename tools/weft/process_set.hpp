@@ -10,10 +10,11 @@ namespace weft {
 
 /// One process of a set. Reference: config/sets/README.md.
 struct ProcessSpec {
-  std::string name;                        // of the instance: unique in the set
-  std::string exec;                        // as in the file: a program's name, or a path with a '/'
-  std::filesystem::path settings;          // absolute; empty: all defaults
-  std::vector<std::string> with;           // "group.key=value", on top of the settings file
+  std::string name;                // of the instance: unique in the set
+  std::string exec;                // as in the file: a program's name, or a path with a '/'
+  std::filesystem::path settings;  // absolute; empty: all defaults
+  std::vector<std::string> with;   // "group.key=value", on top of the settings file
+  std::map<std::string, std::string> with_places;  // of those that the set file holds: "file:line"
   std::map<std::string, std::string> map;  // channel as the stage knows it -> channel on the wire
   std::string host;                        // runs only there; empty: on every host
   bool source = false;                     // makes the source channels: a replay does not start it
@@ -37,8 +38,9 @@ struct ProcessSet {
   int ttl = 0;         // 0 exactly when not lan
   std::string prefix;  // of every channel's name on the wire: robots of one LAN; empty: none
   int receive_buffer = 4 * 1024 * 1024;  // bytes asked of the kernel
-  std::vector<std::string> sources;      // channels a replay plays from the log
-  std::vector<ProcessSpec> processes;    // in pipeline order
+      10 * 1024 * 1024;  // a process's log is put aside beyond it, and two such are kept
+  std::vector<std::string> sources;    // channels a replay plays from the log
+  std::vector<ProcessSpec> processes;  // in pipeline order
 
   /// Strict: throws Error (file:line: what was expected) on an unknown or repeated key, a wrong
   /// type, a value out of range, a settings file that does not exist or two processes of one name.
@@ -48,6 +50,10 @@ struct ProcessSet {
   /// Throws Error naming the known processes when there is none of that name.
   ProcessSpec& find(const std::string& process);
 };
+
+/// What a program says of a setting that it was given as --set (stage/process.hpp), with the place
+/// in the set file instead.
+std::string with_places(const ProcessSpec& process, std::string text);
 
 /// The program of a process: beside this program's own file, or relative to the set file when it
 /// has a '/'. Throws Error saying where it was looked for.

@@ -135,7 +135,10 @@ std::unique_ptr<Bus> make_in_process_bus(const ProcessSet& set, const StageRegis
 Settings settings_of(const ProcessSpec& process) {
   auto settings = process.settings.empty() ? Settings::empty(process.name)
                                            : Settings::from_file(process.settings.string());
-  for (const auto& assignment : process.with) settings.set(assignment);
+  for (const auto& assignment : process.with) {
+    const auto place = process.with_places.find(assignment);
+    settings.set(assignment, place == process.with_places.end() ? "" : place->second);
+  }
   return settings;
 }
 
@@ -161,7 +164,7 @@ Session::Session(const ProcessSet& set, Transport transport, const StageRegistry
     bus_ = make_lcm_bus(url);
     children_ = std::make_unique<Children>(log_folder);
     for (const auto& process : set.processes)
-      children_->start(process.name, command_line(set, process, url.to_string(), true));
+      children_->start(process, command_line(set, process, url.to_string(), true));
   } else if (transport == Transport::kAttach) {
     bus_ = make_lcm_bus(url);
   } else {

@@ -63,12 +63,12 @@ TEST(Settings, ErrorsNameFileLineKeyAndWhatWasExpected) {
   EXPECT_EQ(error_of("inner:\n  scales: 3"),
             "x.yaml:2: unknown key 'inner.scales'; expected one of: scale");
   EXPECT_EQ(error_of("\nstep_px: few"), "x.yaml:2: step_px is 'few'; expected a whole number");
-  EXPECT_EQ(error_of("step_px: 0"), "x.yaml: option step_px is 0; it must be 1 to 64 px");
-  EXPECT_EQ(error_of("inner: {scale: .nan}"),
-            "x.yaml: option inner.scale is nan; it must be a finite number");
+  EXPECT_EQ(error_of("step_px: 0"), "x.yaml:1: option step_px is 0; it must be 1 to 64 px");
+  EXPECT_EQ(error_of("inner:\n  scale: .nan"),
+            "x.yaml:2: option inner.scale is nan; it must be a finite number");
   EXPECT_EQ(error_of("mode: soft"), "x.yaml:1: mode is 'soft'; expected one of: off, hard");
   EXPECT_EQ(error_of("pose: [1,2,3,4]"),
-            "x.yaml: option pose is a list of 4; it must be a list of 0 to 3 numbers");
+            "x.yaml:1: option pose is a list of 4; it must be a list of 0 to 3 numbers");
   EXPECT_NE(error_of("a: [").find("x.yaml:1: not valid YAML"), std::string::npos);
   EXPECT_EQ(error_of("- 1"), "x.yaml:1: expected a map of settings (key: value lines)");
 }
@@ -81,6 +81,32 @@ TEST(Settings, LaterSettingsWin) {
   EXPECT_EQ(options.step_px, 3);
   EXPECT_EQ(options.inner.scale, 3.0);
   EXPECT_THROW(settings.set("nothing"), Error);
+}
+
+TEST(Settings, AnErrorNamesWhereTheSettingWasWritten) {
+  const auto error_after = [](const std::string& assignment, const std::string& from = "") {
+    auto settings = Settings::from_text("step_px: 3\ninner: {scale: 1}", "x.yaml");
+    try {
+      settings.set(assignment, from);
+      Options options;
+      Settings(settings).read(options);
+    } catch (const Error& e) {
+      return std::string(e.what());
+    }
+    return std::string();
+  };
+  EXPECT_EQ(error_after("scale=3"),
+            "--set scale=3: unknown key 'scale'; expected one of: file, inner, live, mode, pose, "
+            "step_px");
+  EXPECT_EQ(error_after("inner.scales=3", "set.yaml:7"),
+            "set.yaml:7: unknown key 'inner.scales'; expected one of: scale");
+  EXPECT_EQ(error_after("new.group.key=3", "set.yaml:7").substr(0, 27),
+            "set.yaml:7: unknown key 'ne");
+  EXPECT_EQ(error_after("step_px=few", "set.yaml:7"),
+            "set.yaml:7: step_px is 'few'; expected a whole number");
+  EXPECT_EQ(error_after("inner.scale=.nan", "set.yaml:7"),
+            "set.yaml:7: option inner.scale is nan; it must be a finite number");
+  EXPECT_EQ(error_after("inner.scale=2"), "");
 }
 
 TEST(Options, HashFollowsValuesAndPrintingReadsBack) {

@@ -128,7 +128,7 @@ TEST(Doctor, AsksAProgramThatItDoesNotHoldToCheckItself) {
       folder / "set.yaml");
   const auto bad = check_set(set, {}, "robot-1").at(0);
   EXPECT_EQ(bad.kind, Kind::kBad);
-  EXPECT_NE(bad.what.find("unknown key 'colours'"), std::string::npos) << bad.what;
+  EXPECT_NE(bad.what.find("set.yaml:3: unknown key 'colours'"), std::string::npos) << bad.what;
   EXPECT_EQ(check_set(set, {}, "robot-1", {"eye"}).at(0).kind, Kind::kGood)
       << "one that runs has its camera, which nobody else can open";
 }

@@ -42,7 +42,7 @@ processes:
   - name: words@fast
     exec: ../bin/words
     settings: ../stages/words.yaml
-    with: {grid: {step_px: 6, list: [1, 2]}, name: "a b"}
+    with: {grid: {step_px: 6, list: [1, 2]}, name: "a b", text: "it: # is"}
     map: {WORDS_SIFT: "WORDS_SIFT@fast"}
     host: robot
     queue: 3
@@ -61,8 +61,10 @@ processes:
   ASSERT_EQ(set.processes.size(), 3u);
   const auto& words = set.processes[1];
   EXPECT_EQ(words.settings, folder_ / "stages" / "words.yaml");
-  EXPECT_EQ(words.with,
-            (std::vector<std::string>{"grid.step_px=6", "grid.list=[1, 2]", "name=a b"}));
+  EXPECT_EQ(words.with, (std::vector<std::string>{"grid.step_px=6", "grid.list=[1, 2]", "name=a b",
+                                                  "text=\"it: # is\""}));
+  EXPECT_EQ(with_places(words, "error: --set name=a b: unknown key 'name'; --set name=b: other"),
+            "error: " + set.file.string() + ":11: unknown key 'name'; --set name=b: other");
   EXPECT_EQ(words.map.at("WORDS_SIFT"), "WORDS_SIFT@fast");
   EXPECT_EQ(words.host, "robot");
   EXPECT_EQ(words.queue, 3);
