@@ -199,7 +199,7 @@ ProcessSet ProcessSet::from_text(const std::string& text, const fs::path& file) 
                 ": not valid YAML: " + e.msg);
   }
   StrictMap map(root, file.string(), "the process set",
-                {"name", "mode", "lan", "lcm", "sources", "processes"});
+                {"name", "mode", "lan", "lcm", "log_bytes", "sources", "processes"});
   ProcessSet set;
   set.file = fs::absolute(file);
   set.name = map.get<std::string>("name", file.stem().string(), "a name");
@@ -232,6 +232,7 @@ ProcessSet ProcessSet::from_text(const std::string& text, const fs::path& file) 
     }
     set.receive_buffer = lcm.integer("receive_buffer", set.receive_buffer, 65536, 1 << 30);
   }
+  set.log_bytes = map.integer("log_bytes", set.log_bytes, 10'000, 1'000'000'000);
   if (const YAML::Node node = map.find("sources")) {
     set.sources = map.get<std::vector<std::string>>("sources", {}, "a list of channels");
     for (const auto& channel : set.sources) check_channel(map, node, channel);

@@ -38,6 +38,7 @@ struct ProcessSet {
   int ttl = 0;         // 0 exactly when not lan
   std::string prefix;  // of every channel's name on the wire: robots of one LAN; empty: none
   int receive_buffer = 4 * 1024 * 1024;  // bytes asked of the kernel
+  int log_bytes =
       10 * 1024 * 1024;  // a process's log is put aside beyond it, and two such are kept
   std::vector<std::string> sources;    // channels a replay plays from the log
   std::vector<ProcessSpec> processes;  // in pipeline order

@@ -122,11 +122,11 @@ stopasgroup=true
 killasgroup=true
 redirect_stderr=true
 stdout_logfile=%(here)s/{0}.log
-stdout_logfile_maxbytes=10MB
+stdout_logfile_maxbytes={5}
 stdout_logfile_backups=2
 )",
                         process.name, priority++, process.stop_wait_s,
-                        process.source ? "unexpected" : "true", !process.source);
+                        process.source ? "unexpected" : "true", !process.source, set.log_bytes);
   }
   return text;
 }

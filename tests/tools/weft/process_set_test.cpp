@@ -37,6 +37,7 @@ mode: lock-step
 lan: true
 lcm: {ttl: 2, group: 239.1.2.3, port: 7700, prefix: robot-1, receive_buffer: 1000000}
 sources: [RGBD_FRAME]
+log_bytes: 50000
 processes:
   - {name: mask, exec: weft-mask}
   - name: words@fast
@@ -58,13 +59,14 @@ processes:
   EXPECT_EQ(set.group, "239.1.2.3");
   EXPECT_EQ(set.port, 7700);
   EXPECT_EQ(set.receive_buffer, 1000000);
+  EXPECT_EQ(set.log_bytes, 50000);
   ASSERT_EQ(set.processes.size(), 3u);
   const auto& words = set.processes[1];
   EXPECT_EQ(words.settings, folder_ / "stages" / "words.yaml");
   EXPECT_EQ(words.with, (std::vector<std::string>{"grid.step_px=6", "grid.list=[1, 2]", "name=a b",
                                                   "text=\"it: # is\""}));
   EXPECT_EQ(with_places(words, "error: --set name=a b: unknown key 'name'; --set name=b: other"),
-            "error: " + set.file.string() + ":11: unknown key 'name'; --set name=b: other");
+            "error: " + set.file.string() + ":12: unknown key 'name'; --set name=b: other");
   EXPECT_EQ(words.map.at("WORDS_SIFT"), "WORDS_SIFT@fast");
   EXPECT_EQ(words.host, "robot");
   EXPECT_EQ(words.queue, 3);

@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <chrono>
+#include <thread>
 
 #include "support/files.hpp"
 
@@ -40,6 +41,43 @@ TEST(StartScript, LetsAProcessRestThatEndsSoonAfterEachStart) {
   int starts = 0;
   for (const char c : test::read_bytes(folder / "a.starts")) starts += c == '\n';
   EXPECT_EQ(starts, 5);
+}
+
+TEST(RunFolder, KeepsTheLogsOfATalkativeProcessShort) {
+  if (run_command({"supervisord", "--version"}).status != 0) GTEST_SKIP() << "no supervisord";
+  const test::TemporaryFolder folder;
+  const auto program = folder / "talk";
+  test::write_bytes(program,
+                    "#!/bin/sh\nline=$(printf %0999d 0)\n"
+                    "i=0; while [ $i -lt 2000 ]; do echo $line >&2; i=$((i + 1)); done\n"
+                    "echo the end >&2\nexec sleep 600\n");
+  fs::permissions(program, fs::perms::owner_all);
+  const auto set = ProcessSet::from_text(
+      "log_bytes: 20000\nsources: [A]\nprocesses: [{name: talk, exec: ./talk}]\n",
+      folder / "set.yaml");
+  const RunFolder run(folder / "run");
+  run.write(set, "udpm://239.255.76.67:7667?ttl=0", false);
+  run.start_supervisor();
+  const auto log = [&](const char* more) { return run.log("talk").string() + more; };
+  // The last piece may be the one that the log is put aside for.
+  const auto last_line = [&](const std::string& file) {
+    return run_command({"tail", "-n", "1", file}).output;
+  };
+  const auto deadline = std::chrono::steady_clock::now() + std::chrono::minutes(1);
+  while (last_line(log("")) != "the end\n" && last_line(log(".1")) != "the end\n") {
+    ASSERT_LT(std::chrono::steady_clock::now(), deadline);
+    std::this_thread::sleep_for(std::chrono::milliseconds(50));
+  }
+  EXPECT_NE(run.processes().at(0).pid, 0);
+  // supervisord looks at the size after each piece of 128 KiB at most.
+  for (const char* more : {"", ".1", ".2"}) {
+    ASSERT_TRUE(fs::exists(log(more))) << more;
+    EXPECT_LE(fs::file_size(log(more)), 20'000u + 131'072u) << more;
+  }
+  EXPECT_GE(fs::file_size(log(".1")), 20'000u);
+  EXPECT_FALSE(fs::exists(log(".3"))) << "2 MB were written";
+  run.stop();
+  EXPECT_FALSE(run.running());
 }
 
 }  // namespace
