@@ -1,6 +1,7 @@
 #include "tools/weft/run_folder.hpp"
 
 #include <gtest/gtest.h>
+#include <signal.h>
 
 #include <chrono>
 #include <thread>
@@ -77,6 +78,31 @@ TEST(RunFolder, KeepsTheLogsOfATalkativeProcessShort) {
   EXPECT_GE(fs::file_size(log(".1")), 20'000u);
   EXPECT_FALSE(fs::exists(log(".3"))) << "2 MB were written";
   run.stop();
+  EXPECT_FALSE(run.running());
+}
+
+TEST(RunFolder, KillsWhatDoesNotEndWhenAsked) {
+  if (run_command({"supervisord", "--version"}).status != 0) GTEST_SKIP() << "no supervisord";
+  const test::TemporaryFolder folder;
+  const auto program = folder / "deaf";
+  test::write_bytes(program, "#!/bin/sh\ntrap '' INT TERM\necho deaf\nexec sleep 600\n");
+  fs::permissions(program, fs::perms::owner_all);
+  const auto set = ProcessSet::from_text(
+      "sources: [A]\nprocesses: [{name: deaf, exec: ./deaf, stop_wait_s: 1}]\n",
+      folder / "set.yaml");
+  const RunFolder run(folder / "run");
+  run.write(set, "udpm://239.255.76.67:7667?ttl=0", false);
+  run.start_supervisor();
+  const auto log = run.log("deaf");
+  const auto deadline = std::chrono::steady_clock::now() + std::chrono::minutes(1);
+  while (!fs::exists(log) || test::read_bytes(log.string()) != "deaf\n") {
+    ASSERT_LT(std::chrono::steady_clock::now(), deadline);
+    std::this_thread::sleep_for(std::chrono::milliseconds(20));
+  }
+  const auto process = run.processes().at(0);
+  ASSERT_NE(process.pid, 0);
+  run.stop();
+  EXPECT_NE(kill(process.pid, 0), 0);
   EXPECT_FALSE(run.running());
 }
 
