@@ -25,10 +25,11 @@ class ReliabilitySlow : public testing::Test {
   }
 };
 
-/// config/sets/parts-sift.yaml where it may lie anywhere; source: a process, or none; lines: more
-/// of the set's own.
-std::string parts_set(const std::string& source, const std::string& lines = "") {
-  auto text = read_text_file(WEFT_SOURCE_DIR "/config/sets/parts-sift.yaml");
+/// A set of config/sets where it may lie anywhere; source: a process, or none; lines: more of the
+/// set's own.
+std::string shipped_set(const std::string& name, const std::string& source,
+                        const std::string& lines = "") {
+  auto text = read_text_file(WEFT_SOURCE_DIR "/config/sets/" + name + ".yaml");
   const auto replace = [&](const std::string& from, const std::string& to) {
     for (auto at = text.find(from); at != std::string::npos; at = text.find(from, at + to.size()))
       text.replace(at, from.size(), to);
@@ -37,6 +38,10 @@ std::string parts_set(const std::string& source, const std::string& lines = "") 
   if (!source.empty()) replace("processes:\n", "processes:\n" + source);
   if (!lines.empty()) replace("lan: false\n", lines);
   return text;
+}
+
+std::string parts_set(const std::string& source, const std::string& lines = "") {
+  return shipped_set("parts-sift", source, lines);
 }
 
 std::string sample_camera(const std::string& more) {
@@ -64,7 +69,18 @@ TEST_F(ReliabilitySlow, EachProcessOfThePartsSetKilledTwentyTimes) {
 
 TEST_F(ReliabilitySlow, AStageThatHangsForFiveSecondsCatchesUp) { stop_and_go(5); }
 
-TEST_F(ReliabilitySlow, TenThousandMessagesOfGarbageOnEveryChannel) { garbage(10'000); }
+TEST_F(ReliabilitySlow, TenThousandMessagesOfGarbageOnEveryChannel) {
+  garbage(small_set("trigger: message"), test_stage::test_event(0, 5000).data, 10'000);
+}
+
+TEST_F(ReliabilitySlow, TenThousandMessagesOfGarbageOnEveryChannelOfPartsAndMap) {
+  stage::LogReader log(kSample);
+  stage::LogEvent event;
+  while (log.next(event) && event.channel != "RGBD_FRAME") {
+  }
+  ASSERT_FALSE(event.data.empty());
+  garbage(shipped_set("parts-map", sample_camera("trigger: message")), event.data, 10'000);
+}
 
 TEST_F(ReliabilitySlow, TwentyThousandFramesNeitherGrowNorSlow) {
   std::vector<std::vector<std::uint8_t>> messages;

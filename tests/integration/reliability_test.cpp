@@ -31,7 +31,9 @@ TEST_F(Reliability, KilledProcessesComeBackAndNoAnswerIsWrong) {
 
 TEST_F(Reliability, AStageThatHangsForAWhileCatchesUp) { stop_and_go(3); }
 
-TEST_F(Reliability, GarbageIsCountedAndNothingElse) { garbage(300); }
+TEST_F(Reliability, GarbageIsCountedAndNothingElse) {
+  garbage(small_set("trigger: message"), test_stage::test_event(0, 5000).data, 300);
+}
 
 TEST_F(Reliability, ASmallSoakNeitherGrowsNorSlows) {
   std::vector<std::vector<std::uint8_t>> messages;

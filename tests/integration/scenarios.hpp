@@ -23,8 +23,10 @@ void kill_in_turn(const std::string& set_text, int rounds, double back_within_s)
 void stop_and_go(double stop_s);
 
 /// `messages` of garbage (random, truncated, colliding with a fingerprint, oversized) on every
-/// channel that somebody reads.
-void garbage(int messages);
+/// channel that there is. set_text: with a source, eye, that waits for a trigger. good_frame: an
+/// RGBD_FRAME that the stages answer.
+void garbage(const std::string& set_text, const std::vector<std::uint8_t>& good_frame,
+             int messages);
 
 /// `frames` frames, as fast as they are answered: these RGBD_FRAME messages again and again.
 void soak(const std::string& set_text, const std::vector<std::vector<std::uint8_t>>& messages,
