@@ -10,6 +10,7 @@
 #include "base/settings.hpp"
 #include "dataset/garment_truth.hpp"
 #include "dataset/iri.hpp"
+#include "dataset/plane_scans.hpp"
 #include "dataset/readers.hpp"
 #include "dataset/scene.hpp"
 #include "dataset/sequence.hpp"
@@ -21,6 +22,7 @@
 #include "stage/lcm_url.hpp"
 #include "stage/log.hpp"
 #include "support/files.hpp"
+#include "synth/simulation.hpp"
 #include "tools/weft/log_tools.hpp"
 #include "tools/weft/process_set.hpp"
 
@@ -202,6 +204,46 @@ WEFT_FUZZ_TARGET(PartsFile) {
       "\"ignore\": {\"jeans hips\": \"out of sight\"}}, \"b\": {}}}";
   return {{bytes_of(text)},
           through_file([](const std::string& path) { dataset::read_parts_file(path); })};
+}
+
+/// The camera matrix of depth images with labelled planes.
+WEFT_FUZZ_TARGET(PlaneScanMatrix) {
+  const auto folder = std::make_shared<test::TemporaryFolder>();
+  test::write_bytes(*folder / "depth_1.png", "");
+  const std::string text = "525.5 0 319.5\n0 -525.5 239.5\n0 0 1\n";
+  return {{bytes_of(text)}, through_file([folder](const std::string& path) {
+            const std::string link = *folder / "kinect.K";
+            if (!std::filesystem::is_symlink(link)) std::filesystem::create_symlink(path, link);
+            for (const auto& file : dataset::list_plane_scans(folder->string()))
+              file.camera.validate(path);
+          })};
+}
+
+/// A simulated garment, from which scans are rendered.
+WEFT_FUZZ_TARGET(Simulation) {
+  synth::Simulation simulation;
+  simulation.garment = "polo";
+  simulation.state = "flat";
+  simulation.cut = "{}";
+  simulation.panels = {{"front", "front", 0}, {"back", "back", 1}};
+  simulation.parts = {
+      {"polo collar",
+       "collar",
+       {{0, {{0, 0}, {0.1f, 0}, {0.1f, 0.1f}}, false, 0}, {1, {{0, 0}, {0.1f, 0}}, true, 0.02f}}}};
+  simulation.features.resize(2);
+  simulation.features[0].kind = "hem";
+  simulation.features[0].points = {{0, 0}, {0.1f, 0}};
+  simulation.features[1].kind = "button";
+  simulation.features[1].points = {{0, 0}};
+  simulation.features[1].radius_m = 0.005f;
+  simulation.pattern = {{0, 0}, {0.1f, 0}, {0, 0.1f}, {0.1f, 0.1f}};
+  simulation.pose = {{0, 0, 0.1f}, {0.1f, 0, 0.1f}, {0, 0.1f, 0.1f}, {0.1f, 0.1f, 0.2f}};
+  simulation.faces = {{0, 1, 2}, {1, 3, 2}};
+  simulation.panel_of_face = {0, 1};
+  const test::TemporaryFolder folder;
+  synth::write_simulation(folder / "a.wsim", simulation);
+  return {{bytes_of(test::read_bytes(folder / "a.wsim"))},
+          through_file([](const std::string& path) { synth::read_simulation(path); })};
 }
 
 /// A CTU scan's annotation, beside images that fit it.
