@@ -44,32 +44,55 @@ TEST(StartScript, LetsAProcessRestThatEndsSoonAfterEachStart) {
   EXPECT_EQ(starts, 5);
 }
 
-TEST(RunFolder, KeepsTheLogsOfATalkativeProcessShort) {
-  if (run_command({"supervisord", "--version"}).status != 0) GTEST_SKIP() << "no supervisord";
-  const test::TemporaryFolder folder;
-  const auto program = folder / "talk";
-  test::write_bytes(program,
-                    "#!/bin/sh\nline=$(printf %0999d 0)\n"
-                    "i=0; while [ $i -lt 2000 ]; do echo $line >&2; i=$((i + 1)); done\n"
-                    "echo the end >&2\nexec sleep 600\n");
-  fs::permissions(program, fs::perms::owner_all);
-  const auto set = ProcessSet::from_text(
-      "log_bytes: 20000\nsources: [A]\nprocesses: [{name: talk, exec: ./talk}]\n",
-      folder / "set.yaml");
-  const RunFolder run(folder / "run");
-  run.write(set, "udpm://239.255.76.67:7667?ttl=0", false);
-  run.start_supervisor();
-  const auto log = [&](const char* more) { return run.log("talk").string() + more; };
-  // The last piece may be the one that the log is put aside for.
-  const auto last_line = [&](const std::string& file) {
-    return run_command({"tail", "-n", "1", file}).output;
-  };
-  const auto deadline = std::chrono::steady_clock::now() + std::chrono::minutes(1);
-  while (last_line(log("")) != "the end\n" && last_line(log(".1")) != "the end\n") {
-    ASSERT_LT(std::chrono::steady_clock::now(), deadline);
-    std::this_thread::sleep_for(std::chrono::milliseconds(50));
+/// A set of one process, a shell script, under a supervisord of its own.
+class SupervisedScript : public testing::Test {
+ protected:
+  void SetUp() override {
+    if (run_command({"supervisord", "--version"}).status != 0) GTEST_SKIP() << "no supervisord";
   }
-  EXPECT_NE(run.processes().at(0).pid, 0);
+  void TearDown() override {
+    if (started_ && run_.running()) run_.stop();
+  }
+  /// set, process: keys of the set and of its process.
+  void start(const std::string& script, const std::string& set, const std::string& process) {
+    test::write_bytes(folder_ / "script", "#!/bin/sh\n" + script);
+    fs::permissions(folder_ / "script", fs::perms::owner_all);
+    run_.write(ProcessSet::from_text(set +
+                                         "sources: [A]\nprocesses: [{name: script, exec: "
+                                         "./script" +
+                                         process + "}]\n",
+                                     folder_ / "set.yaml"),
+               "udpm://239.255.76.67:7667?ttl=0", false);
+    run_.start_supervisor();
+    started_ = true;
+  }
+  /// more: ".1" is the log that was put aside last.
+  std::string log(const std::string& more = "") const { return run_.log("script").string() + more; }
+  bool last_line_is(const std::string& line, const std::string& more = "") const {
+    return run_command({"tail", "-n", "1", log(more)}).output == line + "\n";
+  }
+  template <class Condition>
+  static bool wait_for(const Condition& condition) {
+    const auto deadline = std::chrono::steady_clock::now() + std::chrono::minutes(1);
+    while (!condition() && std::chrono::steady_clock::now() < deadline)
+      std::this_thread::sleep_for(std::chrono::milliseconds(50));
+    return condition();
+  }
+
+  const test::TemporaryFolder folder_;
+  const RunFolder run_{folder_ / "run"};
+  bool started_ = false;
+};
+
+TEST_F(SupervisedScript, WritesLogsOfABoundedSize) {
+  start(
+      "line=$(printf %0999d 0)\n"
+      "i=0; while [ $i -lt 2000 ]; do echo $line >&2; i=$((i + 1)); done\n"
+      "echo the end >&2\nexec sleep 600\n",
+      "log_bytes: 20000\n", "");
+  // The last piece may be the one that the log is put aside for.
+  ASSERT_TRUE(wait_for([&] { return last_line_is("the end") || last_line_is("the end", ".1"); }));
+  EXPECT_NE(run_.processes().at(0).pid, 0);
   // supervisord looks at the size after each piece of 128 KiB at most.
   for (const char* more : {"", ".1", ".2"}) {
     ASSERT_TRUE(fs::exists(log(more))) << more;
@@ -77,33 +100,18 @@ TEST(RunFolder, KeepsTheLogsOfATalkativeProcessShort) {
   }
   EXPECT_GE(fs::file_size(log(".1")), 20'000u);
   EXPECT_FALSE(fs::exists(log(".3"))) << "2 MB were written";
-  run.stop();
-  EXPECT_FALSE(run.running());
+  run_.stop();
+  EXPECT_FALSE(run_.running());
 }
 
-TEST(RunFolder, KillsWhatDoesNotEndWhenAsked) {
-  if (run_command({"supervisord", "--version"}).status != 0) GTEST_SKIP() << "no supervisord";
-  const test::TemporaryFolder folder;
-  const auto program = folder / "deaf";
-  test::write_bytes(program, "#!/bin/sh\ntrap '' INT TERM\necho deaf\nexec sleep 600\n");
-  fs::permissions(program, fs::perms::owner_all);
-  const auto set = ProcessSet::from_text(
-      "sources: [A]\nprocesses: [{name: deaf, exec: ./deaf, stop_wait_s: 1}]\n",
-      folder / "set.yaml");
-  const RunFolder run(folder / "run");
-  run.write(set, "udpm://239.255.76.67:7667?ttl=0", false);
-  run.start_supervisor();
-  const auto log = run.log("deaf");
-  const auto deadline = std::chrono::steady_clock::now() + std::chrono::minutes(1);
-  while (!fs::exists(log) || test::read_bytes(log.string()) != "deaf\n") {
-    ASSERT_LT(std::chrono::steady_clock::now(), deadline);
-    std::this_thread::sleep_for(std::chrono::milliseconds(20));
-  }
-  const auto process = run.processes().at(0);
-  ASSERT_NE(process.pid, 0);
-  run.stop();
-  EXPECT_NE(kill(process.pid, 0), 0);
-  EXPECT_FALSE(run.running());
+TEST_F(SupervisedScript, IsKilledWhenItDoesNotEndAsAsked) {
+  start("trap '' INT TERM\necho deaf\nexec sleep 600\n", "", ", stop_wait_s: 1");
+  ASSERT_TRUE(wait_for([&] { return last_line_is("deaf"); }));
+  const auto pid = run_.processes().at(0).pid;
+  ASSERT_NE(pid, 0);
+  run_.stop();
+  EXPECT_NE(kill(pid, 0), 0);
+  EXPECT_FALSE(run_.running());
 }
 
 }  // namespace
