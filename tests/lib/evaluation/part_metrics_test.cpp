@@ -124,7 +124,7 @@ TEST(EvaluateParts, APolygonToFindWinsOverOneToIgnore) {
   std::vector<JudgedImage> images(1);
   images[0].truth = {square("jeans hips", 0, 0, 20, true), square("jeans hips", 5, 5, 5)};
   images[0].detections = {at("jeans hips", 7, 7, 0.2), at("jeans hips", 15, 15, 0.9)};
-  const auto& hips = score_of(evaluate_parts(images), "jeans hips");
+  const auto hips = score_of(evaluate_parts(images), "jeans hips");
   EXPECT_EQ(hips.detections, 1);
   EXPECT_DOUBLE_EQ(*hips.recall_at_1, 1.0);
   EXPECT_DOUBLE_EQ(*hips.ap, 1.0);
