@@ -9,8 +9,7 @@
 
 #include "base/text_file.hpp"
 #include "dataset/trajectory_file.hpp"
-#include "messages/rgbd.hpp"
-#include "stage/log.hpp"
+#include "room_log.hpp"
 #include "support/textured_room.hpp"
 #include "tools/weft/run_folder.hpp"
 
@@ -22,32 +21,14 @@ namespace fs = std::filesystem;
 const std::string kWeft = WEFT_BINARY_DIR "/bin/weft";
 const std::string kSource = WEFT_SOURCE_DIR;
 constexpr int kFrames = 10;
-constexpr std::int64_t kStart = 1'700'000'000'000'000;
 
 class MapSet : public testing::Test {
  protected:
   static void SetUpTestSuite() {
     folder_ = fs::temp_directory_path() / ("weft-map-" + std::to_string(getpid()));
     fs::create_directories(folder_);
-    stage::LogWriter log((folder_ / "room.lcm").string());
-    dataset::Trajectory truth;
-    const test::TexturedRoom room;
-    for (int i = 0; i < kFrames; ++i) {
-      const auto T_world_camera = test::TexturedRoom::path(0.1 * i);
-      rgbd_frame_t message{};
-      messages::to_message(room.render(T_world_camera), {}, message);
-      message.header.camera = "camera";
-      message.header.coordinate_frame = "camera";
-      message.header.session = 3;
-      message.header.seq = i;
-      message.header.utime = kStart + 100'000 * i;
-      std::vector<std::uint8_t> bytes(static_cast<std::size_t>(message.getEncodedSize()));
-      message.encode(bytes.data(), 0, static_cast<int>(bytes.size()));
-      log.write(message.header.utime, "RGBD_FRAME", bytes);
-      truth.push_back({message.header.utime, T_world_camera.rotation, T_world_camera.translation});
-    }
-    log.close();
-    dataset::write_trajectory((folder_ / "truth.txt").string(), truth);
+    const auto truth = test::write_room_log(file("room.lcm"), kFrames);
+    dataset::write_trajectory(file("truth.txt"), truth);
   }
   static void TearDownTestSuite() {
     if (!HasFailure()) fs::remove_all(folder_);
