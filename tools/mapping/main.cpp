@@ -29,7 +29,10 @@ bool is_saved_map(const std::string& path) {
 }
 
 MapContent read(const Command& command) {
-  if (is_saved_map(command.input)) return {slam::read_map(command.input).map, {}, {}};
+  if (is_saved_map(command.input)) {
+    auto saved = slam::read_map(command.input);
+    return {std::move(saved.map), {}, std::move(saved.garments.garments)};
+  }
   const auto log = read_map_log(command.input, command.suffix);
   if (log.map_ids.size() > 1)
     fmt::print(stderr, "{}: the map was begun {} times; this is the last one\n", command.input,

@@ -64,10 +64,12 @@ void fit(View& view, const std::vector<Eigen::Vector3d>& all, const PictureOptio
 /// Axes of the ground: right and ahead of the first camera, level.
 void ground(const slam::Map& map, const Eigen::Vector3d& up, Eigen::Vector3d& right,
             Eigen::Vector3d& ahead) {
-  ahead = Eigen::Vector3d::UnitZ();
+  Eigen::Quaterniond R_world_camera = Eigen::Quaterniond::Identity();
   if (!map.key_frames.empty())
-    ahead = map.key_frames.begin()->second.T_camera_world.rotation.conjugate() *
-            Eigen::Vector3d::UnitZ();
+    R_world_camera = map.key_frames.begin()->second.T_camera_world.rotation.conjugate();
+  ahead = R_world_camera * Eigen::Vector3d::UnitZ();
+  // A camera that looks down has ahead where its picture has up.
+  if (ahead.dot(up) < -std::cos(30.0 * kDegree)) ahead = R_world_camera * -Eigen::Vector3d::UnitY();
   ahead -= up * up.dot(ahead);
   if (ahead.norm() < 1e-3) ahead = up.unitOrthogonal();
   ahead.normalize();
@@ -160,7 +162,12 @@ void write(cv::Mat& picture, const MapContent& content, const View& view) {
 
 }  // namespace
 
-Eigen::Vector3d up_direction(const slam::Map& map) {
+Eigen::Vector3d up_direction(const MapContent& content) {
+  const slam::Map& map = content.map;
+  for (const auto& garment : content.garments) {
+    const auto plane = map.planes.find(garment.supporting_plane);
+    if (garment.in_map && plane != map.planes.end()) return plane->second.normal_world;
+  }
   Eigen::Vector3d camera_up(0, -1, 0);
   if (!map.key_frames.empty())
     camera_up = map.key_frames.begin()->second.T_camera_world.rotation.conjugate() *
@@ -176,7 +183,7 @@ Eigen::Vector3d up_direction(const slam::Map& map) {
 }
 
 cv::Mat top_picture(const MapContent& content, const PictureOptions& options) {
-  const Eigen::Vector3d up = up_direction(content.map);
+  const Eigen::Vector3d up = up_direction(content);
   Eigen::Vector3d right, ahead;
   ground(content.map, up, right, ahead);
   View view;
@@ -202,7 +209,7 @@ cv::Mat top_picture(const MapContent& content, const PictureOptions& options) {
 }
 
 cv::Mat oblique_picture(const MapContent& content, const PictureOptions& options) {
-  const Eigen::Vector3d up = up_direction(content.map);
+  const Eigen::Vector3d up = up_direction(content);
   Eigen::Vector3d right, ahead;
   ground(content.map, up, right, ahead);
   // 35 degrees above the horizon, 30 degrees from the side.

@@ -12,9 +12,9 @@ struct PictureOptions {
   int height_px = 900;
 };
 
-/// Up in the world: the normal of the largest plane within 60 degrees of the first camera's up
-/// (the floor, a table); that itself when there is none.
-Eigen::Vector3d up_direction(const slam::Map& map);
+/// Up in the world: the normal of the plane that the first garment lies on; else of the largest
+/// plane within 60 degrees of the first camera's up (the floor, a table); else that itself.
+Eigen::Vector3d up_direction(const MapContent& content);
 
 /// The map from straight above: planes' voxels, points, the path with key frames, a grid of 1 m.
 cv::Mat top_picture(const MapContent& content, const PictureOptions& options = {});

@@ -8,8 +8,10 @@
 
 #include "base/text_file.hpp"
 #include "mapping/colours.hpp"
+#include "mapping/map_picture.hpp"
 #include "messages/map.hpp"
 #include "messages/map_objects.hpp"
+#include "slam/map_file.hpp"
 #include "stage/log.hpp"
 #include "support/files.hpp"
 #include "tools/weft/run_folder.hpp"
@@ -161,6 +163,32 @@ class ExportGarments : public testing::Test {
   }
   test::TemporaryFolder folder_;
 };
+
+TEST_F(ExportGarments, OfASavedMapToo) {
+  slam::SavedMap saved;
+  saved.map = table();
+  saved.next = {1, 20, 1};
+  saved.garments = {{garment(2, {0.5, 0.95, 1.4})}, 3};
+  slam::write_map(folder_ / "room.map", saved);
+  const auto result = export_all(folder_ / "room.map");
+  ASSERT_EQ(result.status, 0) << result.output;
+  const auto json = nlohmann::json::parse(read_text_file(folder_ / "map.json"));
+  ASSERT_EQ(json.at("garments").size(), 1u);
+  EXPECT_EQ(json.at("garments")[0].at("parts").size(), 2u);
+}
+
+TEST(UpDirection, IsThatOfTheGarmentsPlaneWhereverTheCameraLooks) {
+  mapping::MapContent content;
+  content.map = table();
+  // It looks straight down on the table: no plane is near its own up.
+  content.map.key_frames[0].T_camera_world.rotation =
+      Eigen::AngleAxisd(M_PI / 2, Eigen::Vector3d::UnitX());
+  EXPECT_LT(mapping::up_direction(content).dot(Eigen::Vector3d(0, -1, 0)), 0.1);
+  content.garments = {garment(0, {0.5, 0.95, 1.4})};
+  EXPECT_GT(mapping::up_direction(content).dot(Eigen::Vector3d(0, -1, 0)), 0.999);
+  content.garments[0].in_map = false;
+  EXPECT_LT(mapping::up_direction(content).dot(Eigen::Vector3d(0, -1, 0)), 0.1);
+}
 
 TEST_F(ExportGarments, ReachEveryFile) {
   slam::Garment candidate = garment(5, {0.6, 0.95, 1.9});
