@@ -4,6 +4,7 @@
 #include <cstdio>
 #include <limits>
 #include <nlohmann/json.hpp>
+#include <set>
 
 #include "slam/assignment.hpp"
 
@@ -75,6 +76,7 @@ GarmentEvaluation evaluate_garments(std::span<const dataset::TrueGarment> truth,
   out.garments = static_cast<int>(truth.size());
   std::vector<Eigen::Vector3d> rows, columns;
   std::vector<const slam::Garment*> in_map;
+  std::set<slam::Id> matched;
   for (const auto& each : truth) rows.push_back(each.position_world);
   for (const auto& each : found) {
     if (!each.in_map) {
@@ -92,9 +94,15 @@ GarmentEvaluation evaluate_garments(std::span<const dataset::TrueGarment> truth,
         column_of[r] < 0 ? nullptr : in_map[static_cast<std::size_t>(column_of[r])];
     if (match != nullptr)
       out.found.push_back({index, match->id, (match->position_world - rows[r]).norm()});
+    if (match != nullptr) matched.insert(match->id);
     evaluate_parts(index, truth[r], match, options, out);
   }
   out.false_garments = static_cast<int>(in_map.size() - out.found.size());
+  for (const auto* garment : in_map) {
+    if (matched.contains(garment->id)) continue;
+    for (const auto& part : garment->parts)
+      out.false_parts += part.probability >= options.min_probability ? 1 : 0;
+  }
   return out;
 }
 

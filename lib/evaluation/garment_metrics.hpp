@@ -51,7 +51,7 @@ struct GarmentEvaluation {
   int candidates = 0;      // not in the map yet: these do not count
   std::vector<Found> found;
   std::vector<PartResult> parts;  // that can be seen, of all true garments
-  int false_parts = 0;            // of garments found
+  int false_parts = 0;            // of garments found, and all of false ones
 };
 
 /// found: positions and covariances in the truth's frame. Garments, then the parts of each pair,
