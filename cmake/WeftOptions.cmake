@@ -23,6 +23,9 @@ if(WEFT_SANITIZE)
   add_compile_options($<$<CXX_COMPILER_ID:GNU>:-Wno-maybe-uninitialized>)
   add_compile_options(-fsanitize=address,undefined -fno-sanitize-recover=all -fno-omit-frame-pointer)
   add_link_options(-fsanitize=address,undefined)
+  # Debian's Ceres and PCL are built without, where Eigen takes memory from malloc as it comes. Under the sanitizer Eigen
+  # would shift it, and what one side takes the other could not give back.
+  add_compile_definitions(EIGEN_MALLOC_ALREADY_ALIGNED=1)
 endif()
 
 if(WEFT_LIBFUZZER)
