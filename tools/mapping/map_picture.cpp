@@ -41,9 +41,10 @@ std::vector<Eigen::Vector3d> extent(const MapContent& content) {
   return all;
 }
 
-/// Makes what lies between the 0.5 % and 99.5 % quantiles fill the picture: single stray points
-/// do not shrink the rest.
-void fit(View& view, const std::vector<Eigen::Vector3d>& all, const PictureOptions& options) {
+/// Makes what lies between the 0.5 % and 99.5 % quantiles, and all garments, fill the picture:
+/// single stray points do not shrink the rest.
+void fit(View& view, const MapContent& content, const PictureOptions& options) {
+  const std::vector<Eigen::Vector3d> all = extent(content);
   constexpr double kMargin = 0.06;
   Eigen::Vector2d low(-1, -1), high(1, 1);
   for (int axis = 0; axis < 2 && !all.empty(); ++axis) {
@@ -53,6 +54,12 @@ void fit(View& view, const std::vector<Eigen::Vector3d>& all, const PictureOptio
     const auto cut = values.size() / 200;
     low[axis] = values[cut];
     high[axis] = values[values.size() - 1 - cut];
+  }
+  for (const auto& garment : content.garments) {
+    if (!garment.in_map) continue;
+    const Eigen::Vector2d at = (view.rotation * garment.position_world).head<2>();
+    low = low.cwiseMin(at - Eigen::Vector2d::Constant(garment.extent_m));
+    high = high.cwiseMax(at + Eigen::Vector2d::Constant(garment.extent_m));
   }
   const Eigen::Vector2d size = (high - low).cwiseMax(0.1);
   view.scale =
@@ -188,7 +195,7 @@ cv::Mat top_picture(const MapContent& content, const PictureOptions& options) {
   ground(content.map, up, right, ahead);
   View view;
   view.rotation << right.transpose(), -ahead.transpose(), -up.transpose();
-  fit(view, extent(content), options);
+  fit(view, content, options);
   cv::Mat picture(options.height_px, options.width_px, CV_8UC3, cv::Scalar::all(255));
   const cv::Scalar grid(228, 228, 228);
   const auto lines = [&](double origin, int size, auto&& draw_line) {
@@ -219,7 +226,7 @@ cv::Mat oblique_picture(const MapContent& content, const PictureOptions& options
   const Eigen::Vector3d view_right = away.cross(up).normalized();
   View view;
   view.rotation << view_right.transpose(), away.cross(view_right).transpose(), away.transpose();
-  fit(view, extent(content), options);
+  fit(view, content, options);
   cv::Mat picture(options.height_px, options.width_px, CV_8UC3, cv::Scalar::all(255));
   draw(content, view, picture);
   draw_garments(content, view, picture);

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <nlohmann/json.hpp>
 #include <opencv2/imgcodecs.hpp>
+#include <opencv2/imgproc.hpp>
 #include <sstream>
 
 #include "base/text_file.hpp"
@@ -188,6 +189,25 @@ TEST(UpDirection, IsThatOfTheGarmentsPlaneWhereverTheCameraLooks) {
   EXPECT_GT(mapping::up_direction(content).dot(Eigen::Vector3d(0, -1, 0)), 0.999);
   content.garments[0].in_map = false;
   EXPECT_LT(mapping::up_direction(content).dot(Eigen::Vector3d(0, -1, 0)), 0.1);
+}
+
+TEST(Pictures, ShowGarmentsFarFromAllElse) {
+  mapping::MapContent content;
+  content.map = table();
+  content.garments = {garment(0, {9.0, 0.95, 1.4})};
+  for (const cv::Mat& picture :
+       {mapping::top_picture(content), mapping::oblique_picture(content)}) {
+    cv::Mat drawn;  // the garment's circle, whole
+    const cv::Scalar colour(mapping::kGarmentColour.blue, mapping::kGarmentColour.green,
+                            mapping::kGarmentColour.red);
+    cv::inRange(picture, colour, colour, drawn);
+    const cv::Rect box = cv::boundingRect(drawn);
+    EXPECT_GT(box.area(), 100);
+    EXPECT_GT(box.x, 0);
+    EXPECT_GT(box.y, 0);
+    EXPECT_LT(box.br().x, picture.cols);
+    EXPECT_LT(box.br().y, picture.rows);
+  }
 }
 
 TEST_F(ExportGarments, ReachEveryFile) {
