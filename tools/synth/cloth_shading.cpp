@@ -44,7 +44,7 @@ Vec3 cloth_radiance(const Garment& g, const Surface& s, const Fabric& fabric,
     const Vec3 along_y = ((e2 * t1.x() - e1 * t2.x()) / determinant).normalized();
     Vec3 slope = gx * along_x + gy * along_y;
     const float steep = slope.norm();
-    if (steep > 0.9f) slope *= 0.9f / steep;
+    if (steep > 1.4f) slope *= 1.4f / steep;
     bent = (n - slope).normalized();
   }
   const Irradiance light = [&] {

@@ -29,7 +29,7 @@ namespace weft::synth {
 namespace fs = std::filesystem;
 namespace {
 
-constexpr int kVersion = 9;  // same version, settings and Blender: same bytes
+constexpr int kVersion = 10;  // same version, settings and Blender: same bytes
 constexpr int kMinVisible_px = 2500;
 constexpr int kViewAttempts = 5;
 

@@ -116,8 +116,11 @@ Fabric draw_fabric(Random& r, bool held_out, const Vec3& near, const Simulation&
   f.angle_sine = static_cast<float>(sine(angle));
   f.angle_cosine = static_cast<float>(cosine(angle));
   f.mottle = static_cast<float>(r.uniform() < 0.5 ? r.uniform(0.0, 0.05) : r.uniform(0.05, 0.3));
-  f.wrinkle_mm = static_cast<float>(r.uniform() < 0.25 ? 0.0 : r.uniform(0.2, 2.2));
-  f.wrinkle_scale_m = static_cast<float>(r.uniform(0.018, 0.06));
+  f.wrinkle_scale_m =
+      static_cast<float>(r.uniform() < 0.5 ? r.uniform(0.009, 0.02) : r.uniform(0.02, 0.06));
+  f.wrinkle_stretch = static_cast<float>(r.uniform(1.5, 6.0));
+  const double highest_mm = std::min(2.2, 70.0 * static_cast<double>(f.wrinkle_scale_m));
+  f.wrinkle_mm = static_cast<float>(r.uniform() < 0.25 ? 0.0 : r.uniform(0.2, highest_mm));
   const double turn = r.uniform(0.0, kPi);
   f.wrinkle_sine = static_cast<float>(sine(turn));
   f.wrinkle_cosine = static_cast<float>(cosine(turn));
@@ -129,10 +132,10 @@ Fabric draw_fabric(Random& r, bool held_out, const Vec3& near, const Simulation&
 
   const double inner = r.uniform();
   f.inside = f.base * static_cast<float>(r.uniform(0.8, 1.1));
-  if (f.family == "denim" || inner < 0.3) {
+  if (f.family == "denim" || inner < 0.18) {
     f.inside = mix(f.base, grey(static_cast<float>(r.uniform(0.2, 0.6))),
                    static_cast<float>(r.uniform(0.25, 0.7)));
-  } else if (inner < 0.42) {
+  } else if (inner < 0.26) {
     f.inside = draw_colour(r, false);
   }
   if (light < 0.03 && r.uniform() < 0.2)
@@ -207,8 +210,8 @@ void draw_wear(Random& r, Fabric& f) {
     c = static_cast<float>(cosine(turn));
   };
   const double folds = r.uniform();
-  f.fold_mm = folds < 0.3 ? 0.0f : folds < 0.6 ? u(0.5, 2.5) : u(2.0, 7.0);
-  f.fold_scale_m = u(0.02, 0.05);
+  f.fold_mm = folds < 0.25 ? 0.0f : folds < 0.5 ? u(0.5, 3.0) : u(3.0, 12.0);
+  f.fold_scale_m = u(0.02, 0.06);
   f.fold_stretch = u(3.0, 9.0);
   turned(f.fold_sine, f.fold_cosine);
   f.stiff_share = r.uniform() < 0.3 ? u(0.4, 1.0) : u(0.0, 0.3);
@@ -373,7 +376,8 @@ float Fabric::relief_mm(int index, const Vec2& p, float share) const {
   float h = 0.0f;
   if (wrinkle_mm > 0.0f) {
     const float x = (wrinkle_cosine * p.x() + wrinkle_sine * p.y()) / wrinkle_scale_m;
-    const float y = (-wrinkle_sine * p.x() + wrinkle_cosine * p.y()) / (2.5f * wrinkle_scale_m);
+    const float y =
+        (-wrinkle_sine * p.x() + wrinkle_cosine * p.y()) / (wrinkle_stretch * wrinkle_scale_m);
     // Ridges along a slowly turning direction, strong here and absent there.
     const float bend = 1.5f * noise(x * 0.4f, y * 0.4f, offset + 11);
     const float ridge = 2.0f * noise(x + bend, y + bend, offset + 12) - 1.0f;

@@ -33,6 +33,7 @@ struct Fabric {
   float angle_sine = 0.0f, angle_cosine = 1.0f;  // of stripes and streaks
   float mottle = 0.0f;                           // amplitude of slow changes (wash)
   float wrinkle_mm = 0.0f, wrinkle_scale_m = 0.03f;
+  float wrinkle_stretch = 2.5f;  // their length over their width
   float wrinkle_sine = 0.0f, wrinkle_cosine = 1.0f;
   float fold_mm = 0.0f, fold_scale_m = 0.03f;  // long sharp ridges between the wrinkles
   float fold_stretch = 6.0f;                   // their length over their width

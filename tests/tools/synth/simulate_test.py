@@ -20,6 +20,7 @@ import states
 import tshirt_states
 import tshirts
 import wsim
+from garment import Ring
 
 
 def every_cut():
@@ -131,6 +132,67 @@ class Patterns(unittest.TestCase):
                 if (group == before).all():
                     break
             self.assertEqual(len(np.unique(group)), 1, kind)
+
+
+class StandingCollars(unittest.TestCase):
+    def test_a_ring_on_a_circle_is_a_cone(self):
+        t = np.linspace(np.pi, -np.pi, 721)  # clockwise
+        ring = Ring(0.08 * np.c_[np.cos(t), np.sin(t)], np.zeros(2), 0.03, 0.2, 0.2, 0.9)
+        s, height = np.linspace(0.02, 0.48, 9), np.linspace(0, 0.03, 9)
+        p = ring.at(s, height)
+        np.testing.assert_allclose(np.hypot(p[:, 0], p[:, 1]), 0.08 + height * np.sin(0.2), atol=1e-5)
+        np.testing.assert_allclose(p[:, 2], height * np.cos(0.2), atol=1e-12)
+        np.testing.assert_allclose(np.arctan2(p[:, 1], p[:, 0]), np.pi - s / 0.08, atol=1e-3)
+        # The leaf goes down from the stand's edge to the floor and then lies flat; its lengths stay.
+        d = np.linspace(0, 0.09, 200)
+        leaf = ring.leaf(np.c_[-0.8 * 0.08 - d, 0 * d], 0.007)
+        self.assertAlmostEqual(leaf[0, 2], 0.03 * np.cos(0.2), places=6)
+        self.assertAlmostEqual(leaf[-1, 2], 0.007, places=6)
+        self.assertLess(np.diff(leaf[:, 2]).max(), 1e-9)
+        way = np.linalg.norm(np.diff(leaf, axis=0), axis=1)
+        self.assertAlmostEqual(way.sum(), 0.09, places=3)
+
+    def test_the_back_may_lie_down_on_its_leaf_but_begins_upright(self):
+        t = np.linspace(-np.pi / 2 - 0.1, -2.5 * np.pi + 0.1, 721)  # clockwise from the front end
+        ring = Ring(0.08 * np.c_[np.cos(t), np.sin(t)], np.zeros(2), 0.03, 0.0, 1.5, 0.4)
+        half = np.array([ring.lengths[-1] / 2])
+        lying, upright = ring.at(half, np.array([0.03])), ring.at(half, np.array([0.03]), True)
+        self.assertLess(lying[0, 2], 0.003)
+        self.assertGreater(lying[0, 1], 0.109)
+        self.assertGreater(upright[0, 2], 0.028)
+        front = ring.at(np.array([0.0]), np.array([0.03]))
+        self.assertAlmostEqual(front[0, 2], 0.03, places=9)
+        d = np.linspace(0, 0.04, 50)
+        back = np.c_[0 * d, 0.8 * 0.08 + d]
+        under, beside = ring.leaf(back, 0.007), ring.leaf(back, 0.007, True)
+        self.assertTrue((np.diff(under[:, 1]) < 0).all() and (under[1:, 2] < lying[0, 2]).all())
+        self.assertTrue((np.diff(beside[:, 1]) > 0).all() and (beside[:, 2] > 0.00699).all())
+
+    def test_stands_are_sewn_to_neck_and_leaf_and_upright(self):
+        for kind in ("polo", "shirt"):
+            _, seen, reserved = patterns.GARMENTS[kind]
+            stands = 0
+            for family in seen + reserved:
+                for seed in range(12):
+                    garment = patterns.cut(kind, family, np.random.default_rng(seed), family in reserved)
+                    mesh = build(garment, 0.013)
+                    # Hem, sleeves, and one along slit, stand and leaf: a seam left open would add loops.
+                    self.assertEqual(border_loops(mesh.faces), 4, f"{kind} {family} {seed}")
+                    stand = garment.cut["collar_stand"]
+                    names = [p.name for p in garment.panels]
+                    self.assertEqual(stand > 0, "collar_stand" in names)
+                    if not stand:
+                        continue
+                    stands += 1
+                    ring = garment.panels[names.index("collar_stand")].ring
+                    own = np.unique(mesh.faces[mesh.panel == names.index("collar_stand")])
+                    fold = own[g.distance(mesh.pattern[own], ring.fold) < 1e-6]
+                    s = g.project(mesh.pattern[fold], ring.fold) / ring.drawn
+                    for p, begin in ((mesh.rest, False), (mesh.start, True)):
+                        upright = ring.height * np.cos(ring.lean_at(s, begin))
+                        np.testing.assert_allclose(p[fold, 2], 0.0035 + upright, atol=1e-6)
+                    self.assertGreater(mesh.start[fold, 2].min(), 0.0035 + 0.9 * stand)
+            self.assertGreater(stands, 15)
 
 
 class States(unittest.TestCase):

@@ -96,6 +96,20 @@ TEST(ViewScene, ContactShadowsLieAlongEdgesOnly) {
             without.images.depth_m.at<float>(240, edge + 1));
 }
 
+TEST(Fabric, MostInsidesAreLikeTheOutside) {
+  const auto sack = test::procedural_sack();
+  int alike = 0;
+  for (int seed = 0; seed < 200; ++seed) {
+    Random random(static_cast<std::uint64_t>(seed));
+    const Fabric fabric = draw_fabric(random, false, Vec3::Constant(0.3f), sack);
+    const Vec3 ratio = fabric.inside.cwiseQuotient(fabric.base);
+    alike += ratio.minCoeff() > 0.75f && ratio.maxCoeff() < 1.15f;
+    EXPECT_LE(fabric.wrinkle_mm, 70.0f * fabric.wrinkle_scale_m) << "steeper than cloth wrinkles";
+  }
+  EXPECT_GT(alike, 110);
+  EXPECT_LT(alike, 180);
+}
+
 TEST(Fabric, WearWrinklesClothAndSparesStiffPieces) {
   const auto sack = test::procedural_sack();
   const Panel body{"front", "front", 0}, collar{"collar_left", "front", 1};

@@ -55,6 +55,19 @@ def distance(p, polyline):
     return best
 
 
+def project(p, polyline):
+    """Arc length at which each point of p is nearest to the polyline."""
+    best, where, start = np.full(len(p), np.inf), np.zeros(len(p)), 0.0
+    for a, b in zip(polyline[:-1], polyline[1:]):
+        ab = b - a
+        t = np.clip((p - a) @ ab / max(ab @ ab, 1e-12), 0, 1)
+        d = np.linalg.norm(p - a - t[:, None] * ab, axis=1)
+        where = np.where(d < best, start + t * np.linalg.norm(ab), where)
+        best = np.minimum(best, d)
+        start += np.linalg.norm(ab)
+    return where
+
+
 def inside(p, polygon):
     """Even-odd rule."""
     x, y = p[:, 0], p[:, 1]

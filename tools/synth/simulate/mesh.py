@@ -12,6 +12,7 @@ import geometry as g
 @dataclass
 class Mesh:
     rest: np.ndarray  # [V,3] sewn garment lying flat, metres
+    start: np.ndarray  # [V,3] the same with all layers clear of each other
     pattern: np.ndarray  # [V,2]
     faces: np.ndarray  # [F,3] counter-clockwise seen from outside
     panel: np.ndarray  # [F]
@@ -29,9 +30,17 @@ def edge_length(garment, vertices):
     return math.sqrt(area / vertices / 0.866)
 
 
+def _boundary(segment, h):
+    """Points about h apart; those of a strip's seam where the other panel has them."""
+    if segment.along is None:
+        return g.resample(segment.points, h)
+    s = g.project(g.resample(segment.along, h), segment.along)
+    return g.at(segment.points, s * g.length(segment.points) / g.length(segment.along))
+
+
 def _triangulate(panel, h, rng):
     """(points, triangles, index of each boundary point per segment)."""
-    loops = [g.resample(s.points, h) for s in panel.segments]
+    loops = [_boundary(s, h) for s in panel.segments]
     boundary = np.concatenate([b[:-1] for b in loops])
     n = len(boundary)
     low, high = boundary.min(0), boundary.max(0)
@@ -57,8 +66,12 @@ def _triangulate(panel, h, rng):
     return q, t, ids
 
 
-def _height(panel, p, h, gap):
+def _height(panel, p, h, gap, begin):
     """Resting place of a panel's points: layers apart, closing at the silhouette's seams."""
+    if panel.ring is not None:
+        out = panel.ring.at(p[:, 0], p[:, 1], begin) if panel.fold is None else panel.ring.leaf(p, gap, begin)
+        out[:, 2] += 0.5 * gap
+        return out
     silhouette = [s.points for s in panel.segments if s.silhouette]
     d = np.min([g.distance(p, s) for s in silhouette], axis=0) if silhouette else np.full(len(p), np.inf)
     closing = np.clip(d / (2 * h), 0, 1)
@@ -75,7 +88,7 @@ def _height(panel, p, h, gap):
 
 
 def build(garment, h, gap, rng):
-    rest, pattern, faces, panel_of, stiff = [], [], [], [], []
+    rest, start, pattern, faces, panel_of, stiff = [], [], [], [], [], []
     sewn, parent = {}, []
 
     def root(i):
@@ -87,16 +100,20 @@ def build(garment, h, gap, rng):
         p, t, ids = _triangulate(panel, h, rng)
         base = len(parent)
         parent.extend(range(base, base + len(p)))
-        rest.append(_height(panel, p, h, gap))
-        pattern.append(p)
-        faces.append(base + (t if panel.side == "front" else t[:, ::-1]))
+        strip = panel.ring is not None and panel.fold is None
+        rest.append(_height(panel, p, h, gap, False))
+        start.append(_height(panel, p, h, gap, True))
+        pattern.append(panel.ring.pattern(p) if strip else p)
+        # A strip, laid out in pattern coordinates, is turned over.
+        faces.append(base + (t if (panel.side == "front") != strip else t[:, ::-1]))
         panel_of.append(np.full(len(t), index, np.uint8))
         stiff.append(garment.stiffness(panel, p))
         for segment, which in zip(panel.segments, ids):
             if segment.seam is None:
                 continue
             for i in which:
-                key = (segment.seam, round(p[i, 0] * 1e5), round(p[i, 1] * 1e5))
+                x, y = pattern[-1][i]
+                key = (segment.seam, round(x * 1e5), round(y * 1e5))
                 if key in sewn:
                     a, b = sorted((root(sewn[key]), root(base + int(i))))
                     parent[b] = a
@@ -110,7 +127,7 @@ def build(garment, h, gap, rng):
         raise ValueError("a seam closed a triangle")
     stiff_all = np.zeros(len(kept))
     np.maximum.at(stiff_all, number, np.concatenate(stiff))
-    return Mesh(np.concatenate(rest)[kept], np.concatenate(pattern)[kept], faces, np.concatenate(panel_of), stiff_all, h)
+    return Mesh(np.concatenate(rest)[kept], np.concatenate(start)[kept], np.concatenate(pattern)[kept], faces, np.concatenate(panel_of), stiff_all, h)
 
 
 def edges(faces):

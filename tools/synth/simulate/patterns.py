@@ -4,7 +4,7 @@ import math
 import numpy as np
 
 import geometry as g
-from garment import Garment, Limb, Panel, Segment
+from garment import Garment, Limb, Panel, Ring, Segment
 
 GARMENTS = {}  # kind: (function, seen families, held-out families)
 
@@ -43,6 +43,12 @@ def _neck_curve(half_width, y, dip, shape):
         return g.bezier((half_width, y), (half_width * 0.85, y - dip * 0.3), (half_width * 0.3, y - dip * 0.75), (0.0, y - dip))
     t = np.linspace(0, math.pi / 2, 16)
     return np.c_[half_width * np.cos(t), y - dip * np.sin(t)]
+
+
+def _opened(neck, gap):
+    """Half a neckline that ends where a slit `gap` wide begins."""
+    kept = neck[neck[:, 0] > gap / 2 + 0.002]
+    return np.r_[kept, [[gap / 2, np.interp(gap / 2, neck[::-1, 0], neck[::-1, 1])]]]
 
 
 class Torso:
@@ -99,8 +105,7 @@ class Torso:
         out = [Segment(self.hem, "hem"), *left]
         seam = "neck_front" if front else "neck_back"
         if slit:
-            half = neck.copy()
-            half[-1, 0] = gap / 2
+            half = _opened(neck, gap)
             out += [
                 Segment(half, "neck", seam),
                 Segment(np.stack([half[-1], [0.0, half[-1, 1] - slit]]), "slit"),
@@ -158,16 +163,27 @@ class Torso:
             ajar = gap / 2 * max(0.0, 1 - (self.front_line() - y) / slit)
             r.draw("button", "front", center=[ajar + 1.6 * radius if ajar > 0 else 0.0, y], radius_m=radius)
 
-    def collar(self, r, rng, size, width, point, spread):
-        """Leaf folded over at the neckline: left and right front, and back; free at its outer edge."""
-        half = self.front_neck.copy()
-        half[-1, 0] = r.cut["slit_gap"] / 2
+    def collar(self, r, rng, width, point, spread, stand):
+        """Leaf folded over at the neckline, or at the upper edge of a stand of that height (0: none):
+        left and right front, and back; free at its outer edge."""
+        half = _opened(self.front_neck, r.cut["slit_gap"])
+        back = np.r_[self.back_neck[:-1], g.mirror(self.back_neck)]
+        shoulder, ring, seams = half[0], None, ("neck_front", "neck_front", "neck_back")
+        if stand:
+            loop = np.r_[g.mirror(half), back[::-1][1:], half[1:]]
+            middle = np.array([0.0, self.length - (self.dip + self.back_dip) / 2])
+            lean_back = rng.uniform(-0.2, 0.5) if rng.random() < 0.45 else rng.uniform(0.8, 1.5)
+            ring = Ring(loop, middle, stand, rng.uniform(-0.2, 0.5), lean_back, rng.uniform(0.25, 1.3))
+            r.cut.update(collar_lean=lean_back)
+            self._stand(r, ring, half, back)
+            half, back = ring.inner(half), ring.inner(back)
+            seams = ("collar_left", "collar_right", "collar_back")
         top = half[0]
-        ridge_way = self.shoulder - top
-        side = top + ridge_way * (width / np.linalg.norm(ridge_way))
+        ridge_way = self.shoulder - shoulder
+        side = shoulder + ridge_way * ((width - np.linalg.norm(top - shoulder)) / np.linalg.norm(ridge_way))
         tip = half[-1] + point * np.array([math.sin(spread), -math.cos(spread)])
         outer = g.bezier(tip, tip + [0.02, 0.25 * point], side + [0.012, -0.45 * width], side)
-        for name, flip in (("collar_left", False), ("collar_right", True)):
+        for name, flip, seam in (("collar_left", False, seams[0]), ("collar_right", True, seams[1])):
             flipped = (lambda p: p * [-1, 1]) if flip else (lambda p: p)
             r.panels.append(
                 Panel(
@@ -176,45 +192,60 @@ class Torso:
                     1,
                     0.5,
                     [
-                        Segment(flipped(half), "neck", "neck_front"),
+                        Segment(flipped(half), "neck", seam),
                         Segment(flipped(np.stack([half[-1], tip])), "collar_front"),
                         Segment(flipped(outer), "collar_outer"),
                         Segment(flipped(np.stack([side, top])), None, "collar", True),
                     ],
                     fold=flipped(half),
+                    ring=ring,
                 )
             )
-        neck = np.r_[self.back_neck[:-1], g.mirror(self.back_neck)]
         x = np.linspace(1, -1, 25)
         fall = self.length - self.back_dip - width * rng.uniform(0.95, 1.15)
+        if ring:  # beyond the neckline, over the table
+            fall = back[len(back) // 2, 1] + width * rng.uniform(0.95, 1.1)
         edge = np.c_[side[0] * x, fall + (side[1] - fall) * np.abs(x) ** 3]
         r.panels.append(
             Panel(
                 "collar_back",
-                "back",
+                "front" if ring else "back",
                 1,
                 -0.5,
                 [
-                    Segment(neck, "neck", "neck_back"),
-                    Segment(np.stack([neck[-1], side * [-1, 1]]), None, "collar", True),
+                    Segment(back, "neck", seams[2]),
+                    Segment(np.stack([back[-1], side * [-1, 1]]), None, "collar", True),
                     Segment(edge[::-1], "collar_outer"),
                     Segment(np.stack([side, top]), None, "collar", True),
                 ],
-                fold=neck,
+                fold=back,
+                ring=ring,
             )
         )
         for p in r.panels[-3:]:
             r.stiff_panels[p.name] = 1.0
             r.stitch(p.name, r.inwards(p, r.edge("collar_outer", p.name), 0.005))
         r.stiff_edges.append(("neck", 0.03, 1.0))
-        r.cut.update(collar_width=width, collar_point=point)
+        r.cut.update(collar_width=width, collar_point=point, collar_stand=stand)
+
+    def _stand(self, r, ring, half, back):
+        """A strip: x along the neckline, y upwards. Its outside is the side that is seen, towards the neck."""
+        pieces = ((g.mirror(half), "neck_front", "collar_right"), (back[::-1], "neck_back", "collar_back"), (half, "neck_front", "collar_left"))
+        ends = np.cumsum([0.0] + [g.length(line) for line, _, _ in pieces])
+        low, high = [], []
+        for x0, x1, (line, neck, fold) in zip(ends[:-1], ends[1:], pieces):
+            low.append(Segment(g.points((x0, 0.0), (x1, 0.0)), None, neck, along=line))
+            high.insert(0, Segment(g.points((x1, ring.height), (x0, ring.height)), None, fold, along=ring.inner(line)[::-1]))
+        sides = [Segment(g.points((ends[-1], 0.0), (ends[-1], ring.height))), Segment(g.points((0.0, ring.height), (0.0, 0.0)))]
+        r.panels.append(Panel("collar_stand", "back", 1, 0.5, [*low, sides[0], *high, sides[1]], ring=ring))
+        r.stiff_panels["collar_stand"] = 1.0
 
     def collar_part(self, r, part, first_button):
         """Around the collar, down to about the first button."""
         everything = g.rectangle(0, self.length, 2, 2)
         y = self.front_line()
         opening = g.points((-0.03, first_button - 0.012), (0.03, first_button - 0.012), (0.03, y + 0.02), (-0.03, y + 0.02))
-        r.part(part, "collar", *[(p, everything) for p in ("collar_left", "collar_right", "collar_back")], ("front", "neck", 0.02), ("front", opening), ("back", "neck", 0.025))
+        r.part(part, "collar", *[(p.name, everything) for p in r.panels if p.name.startswith("collar_")], ("front", "neck", 0.02), ("front", opening), ("back", "neck", 0.025))
 
 
 def _cut_gap(rng):
@@ -265,7 +296,8 @@ def polo(r, rng, family):
     closed = rng.random() < 0.4
     slit = y - ys[0] if closed else rng.uniform(0.5, 0.95) * length
     t.panels(r, slit, gap)
-    t.collar(r, rng, size, rng.uniform(0.05, 0.065), rng.uniform(0.06, 0.085), math.radians(rng.uniform(15, 50)))
+    stand = 0.0 if rng.random() < 0.2 else rng.uniform(0.018, 0.034)
+    t.collar(r, rng, rng.uniform(0.05, 0.068) - 0.25 * stand, rng.uniform(0.06, 0.085), math.radians(rng.uniform(15, 50)), stand)
     width = rng.uniform(0.026, 0.036)
     t.placket(r, width, y - length, slit, gap)
     r.stitch("front", g.points((-width / 2, y - length + 0.002), (width / 2, y - length + 0.002)))
@@ -298,7 +330,8 @@ def shirt(r, rng, family):
     slit = max(0.03, y - ys[undone] - 0.01)
     t.panels(r, slit, gap)
     point = rng.uniform(0.095, 0.13) if family == "long-point" else rng.uniform(0.07, 0.09)
-    t.collar(r, rng, size, rng.uniform(0.05, 0.06), point, math.radians(rng.uniform(12, 50)))
+    stand = 0.0 if rng.random() < 0.1 else rng.uniform(0.024, 0.036)
+    t.collar(r, rng, rng.uniform(0.05, 0.06) - 0.2 * stand, point, math.radians(rng.uniform(12, 50)), stand)
     width = rng.uniform(0.028, 0.038)
     t.placket(r, width, 0.0, slit, gap)
     radius = rng.uniform(0.005, 0.0065)

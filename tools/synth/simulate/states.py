@@ -42,9 +42,10 @@ def _turn_limbs(p, mesh, garment, rng, most):
     return p
 
 
-def _lay(mesh, garment, rng, turned_over, limb_angle, uneven):
-    """The garment laid out over the table."""
-    p = _turn_limbs(mesh.rest, mesh, garment, rng, limb_angle)
+def _lay(mesh, garment, rng, turned_over, limb_angle, uneven, upright=1.0):
+    """The garment laid out over the table; upright: of a standing collar's height at the beginning."""
+    p = _turn_limbs(mesh.start, mesh, garment, rng, limb_angle)
+    p[:, 2] -= (1 - upright) * np.maximum(0, p[:, 2] - 0.015)
     p[:, :2] -= (p[:, :2].min(0) + p[:, :2].max(0)) / 2
     if turned_over:
         p = p * [-1, 1, -1]
@@ -162,6 +163,21 @@ def _pick_and_drop(mesh, p, fabric, rng, height, way):
     return simulate(mesh, p, fabric, 26, still=STILL)
 
 
+def _drag(mesh, p, fabric, rng):
+    """Take hold of the garment here and there, through all layers, and shift it over the table: it stays
+    spread out and wrinkles towards the grips."""
+    for _ in range(int(rng.integers(1, 4))):
+        pins = _grip(mesh, p, rng, 2)
+        towards = p[:, :2].mean(0) - p[pins, :2].mean(0)
+        a = math.atan2(towards[1], towards[0]) + rng.normal(0, 0.9)
+        step = rng.uniform(0.04, 0.16) * _direction(a)
+        lift = rng.uniform(0.005, 0.04)
+        frames = max(6, int(np.linalg.norm(step) / 0.5 * FRAMES_PER_SECOND))
+        path = [(1, (0, 0, 0)), (3, (0.1 * step[0], 0.1 * step[1], lift)), (frames + 1, (step[0], step[1], 0.5 * lift))]
+        p = simulate(mesh, p, fabric, frames, pins=pins, path=path)
+    return simulate(mesh, p, fabric, 22, still=STILL)
+
+
 def _hang_and_drop(mesh, p, fabric, rng):
     """Hang from one grip, lower on to the table, let go."""
     pins = _grip(mesh, p, rng, 1)
@@ -185,15 +201,19 @@ def lie(mesh, garment, fabric, state, turned_over, rng):
     if state == "wrinkled":
         p = _lay(mesh, garment, rng, turned_over, 0.45, rng.uniform(0.003, 0.008))
         p = _skew(p, rng, rng.uniform(0.004, 0.022))
+        way = rng.random()
+        if way < 0.45:
+            p = _rest_on(_ripple(p, rng, rng.uniform(0.0, 0.05)), 0.008)
+            return _drag(mesh, p, fabric, rng), "dragged"
         waves = int(rng.integers(1, 4))
         for _ in range(waves):
             p = _ripple(p, rng, rng.uniform(0.05, 0.2) / math.sqrt(waves))
         p = _rest_on(p, 0.008)
-        if rng.random() < 0.45:
+        if way < 0.7:
             return simulate(mesh, p, fabric, 26, still=STILL), "rippled"
         return _pick_and_drop(mesh, p, fabric, rng, rng.uniform(0.08, 0.25), rng.uniform(0.1, 0.35)), "picked"
     if state == "folded":
-        p = _lay(mesh, garment, rng, turned_over, 0.3, rng.uniform(0.001, 0.003))
+        p = _lay(mesh, garment, rng, turned_over, 0.3, rng.uniform(0.001, 0.003), 0.4)
         p = _ripple(_skew(p, rng, rng.uniform(0.0, 0.01)), rng, rng.uniform(0.0, 0.01))
         p, how = _folded(mesh, garment, p, rng)
         return simulate(mesh, _rest_on(p, 0.008), fabric, 26, still=STILL), how

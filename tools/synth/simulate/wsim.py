@@ -4,7 +4,7 @@ import os
 
 import numpy as np
 
-GENERATOR = "weft-cloth 5"
+GENERATOR = "weft-cloth 6"
 
 
 def _plain(x):
